@@ -1,0 +1,113 @@
+# How the targets are made. A room that is still empty has no sources, and nothing of it is built.
+
+set(oriel_source_root ${PROJECT_SOURCE_DIR}/src)
+
+# All .cc and .h of the rooms named.
+function(oriel_room_sources out)
+  set(found "")
+  foreach(room IN LISTS ARGN)
+    file(GLOB room_files CONFIGURE_DEPENDS ${oriel_source_root}/oriel/${room}/*.cc ${oriel_source_root}/oriel/${room}/*.h)
+    list(APPEND found ${room_files})
+  endforeach()
+  set(${out} ${found} PARENT_SCOPE)
+endfunction()
+
+# oriel_library(target [EXPORT_NAME name] SOURCES ...): a static library, whose headers are found as "oriel/room/x.h".
+# The file's name is that of the exported target; the target itself must not be called `oriel`, the command's file is.
+function(oriel_library target)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "EXPORT_NAME" "SOURCES")
+  add_library(${target} STATIC ${arg_SOURCES})
+  set_target_properties(${target} PROPERTIES LINKER_LANGUAGE CXX ARCHIVE_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/lib)
+  target_include_directories(${target} PUBLIC $<BUILD_INTERFACE:${oriel_source_root}>
+                                              $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_compile_features(${target} PUBLIC cxx_std_20)
+  oriel_flags(${target})
+  if(arg_EXPORT_NAME)
+    add_library(oriel::${arg_EXPORT_NAME} ALIAS ${target})
+    set_target_properties(${target} PROPERTIES EXPORT_NAME ${arg_EXPORT_NAME})
+  endif()
+  if(arg_EXPORT_NAME STREQUAL "oriel")
+    set_target_properties(${target} PROPERTIES OUTPUT_NAME oriel)
+  endif()
+endfunction()
+
+# Eigen stays inside our .cc files, under a namespace of its own: our objects are compiled for another instruction set
+# than those of whoever links us, and two copies of one inline function of Eigen, one of each, must never be merged
+# (their packet sizes differ). The headers of Oriel do not include Eigen; tests/house checks that.
+function(oriel_uses_private_eigen target)
+  get_target_property(eigen_include Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
+  target_include_directories(${target} SYSTEM PRIVATE ${eigen_include})
+  target_compile_definitions(${target} PRIVATE Eigen=oriel_eigen EIGEN_MAX_STATIC_ALIGN_BYTES=16)
+endfunction()
+
+# oriel_links(target library...): those of our libraries that there are.
+function(oriel_links target)
+  foreach(library IN LISTS ARGN)
+    if(TARGET ${library})
+      target_link_libraries(${target} PRIVATE ${library})
+    endif()
+  endforeach()
+endfunction()
+
+# Everything of ours that an executable of this tree may use.
+function(oriel_links_everything target)
+  oriel_links(${target} oriel_testing oriel_io oriel_core)
+endfunction()
+
+# The command: apps/*.cc -> build/<preset>/oriel
+function(oriel_command)
+  file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/apps/*.cc)
+  find_package(CLI11 QUIET)
+  find_package(fmt QUIET)
+  if(NOT sources OR NOT TARGET oriel_io OR NOT CLI11_FOUND OR NOT fmt_FOUND)
+    message(STATUS "oriel: the command is not built (it needs apps/*.cc, oriel::io, CLI11 and fmt)")
+    return()
+  endif()
+  add_executable(oriel_cli ${sources})
+  set_target_properties(oriel_cli PROPERTIES OUTPUT_NAME oriel RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR})
+  oriel_flags(oriel_cli)
+  oriel_links_everything(oriel_cli)
+  target_include_directories(oriel_cli PRIVATE ${PROJECT_SOURCE_DIR})
+  target_compile_definitions(oriel_cli PRIVATE ORIEL_VERSION="${PROJECT_VERSION}")
+  target_link_libraries(oriel_cli PRIVATE CLI11::CLI11 fmt::fmt nlohmann_json::nlohmann_json)
+endfunction()
+
+# benchmarks/*.cc: one executable each; benchmarks/support/*.cc belongs to all. `..._vs_ceres` and `versus_ceres` need
+# Ceres.
+function(oriel_benchmarks)
+  file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/benchmarks/*.cc)
+  file(GLOB support CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/benchmarks/support/*.cc)
+  foreach(source IN LISTS sources)
+    cmake_path(GET source STEM name)
+    if(name MATCHES "ceres" AND NOT TARGET oriel_ceres)
+      message(STATUS "oriel: benchmark ${name} is not built (no Ceres)")
+      continue()
+    endif()
+    add_executable(oriel_benchmark_${name} ${source} ${support})
+    set_target_properties(oriel_benchmark_${name} PROPERTIES OUTPUT_NAME ${name}
+                          RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/benchmarks)
+    oriel_flags(oriel_benchmark_${name})
+    target_include_directories(oriel_benchmark_${name} PRIVATE ${PROJECT_SOURCE_DIR})
+    if(name MATCHES "ceres")
+      target_link_libraries(oriel_benchmark_${name} PRIVATE oriel_ceres)
+    endif()
+    oriel_links_everything(oriel_benchmark_${name})
+    target_link_libraries(oriel_benchmark_${name} PRIVATE Eigen3::Eigen)
+    if(nlohmann_json_FOUND)
+      target_link_libraries(oriel_benchmark_${name} PRIVATE nlohmann_json::nlohmann_json)
+    endif()
+  endforeach()
+endfunction()
+
+# examples/*.cc: one executable each, compiled as a user would compile it: no flags of ours but the warnings.
+function(oriel_examples)
+  file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/examples/*.cc)
+  foreach(source IN LISTS sources)
+    cmake_path(GET source STEM name)
+    add_executable(oriel_example_${name} ${source})
+    set_target_properties(oriel_example_${name} PROPERTIES OUTPUT_NAME ${name}
+                          RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/examples)
+    target_compile_options(oriel_example_${name} PRIVATE -Wall -Wextra)
+    oriel_links_everything(oriel_example_${name})
+  endforeach()
+endfunction()

@@ -1,0 +1,137 @@
+# tests/<room>/*_test.cc -> one executable a room, oriel_test_<room>; every TEST is a ctest of its own, named
+# <room>.<Suite>.<Sentence>. *_shared_test.cc needs the large data sets beside the project and is left out without them.
+
+find_package(GTest QUIET)
+if(NOT GTest_FOUND)
+  message(STATUS "oriel: tests are not built (no GoogleTest)")
+  return()
+endif()
+include(GoogleTest)
+
+set(shared_data ${PROJECT_SOURCE_DIR}/../shared/data)
+cmake_path(NORMAL_PATH shared_data)
+if(EXISTS ${shared_data})
+  set(ORIEL_HAS_SHARED_DATA TRUE)
+else()
+  set(ORIEL_HAS_SHARED_DATA FALSE)
+  message(STATUS "oriel: tests on the large data sets are left out (no ../shared/data)")
+endif()
+
+# The precompiled header is made once, by the first room, and reused by all others (their flags are the same).
+function(oriel_test_pch target)
+  if(NOT ORIEL_PCH)
+    return()
+  endif()
+  get_property(owner GLOBAL PROPERTY ORIEL_TEST_PCH_OWNER)
+  if(owner)
+    target_precompile_headers(${target} REUSE_FROM ${owner})
+  else()
+    target_precompile_headers(${target} PRIVATE <gtest/gtest.h> <Eigen/Dense> <algorithm> <cmath> <functional> <iostream>
+                              <map> <memory> <random> <sstream> <string> <vector>)
+    set_property(GLOBAL PROPERTY ORIEL_TEST_PCH_OWNER ${target})
+  endif()
+endfunction()
+
+function(oriel_room_test room)
+  file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/${room}/*_test.cc)
+  file(GLOB support CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/support/*.cc)
+  if(NOT ORIEL_HAS_SHARED_DATA)
+    list(FILTER sources EXCLUDE REGEX "_shared_test\\.cc$")
+  endif()
+  if(NOT sources OR (room STREQUAL "engines" AND NOT TARGET oriel_ceres))
+    return()
+  endif()
+  set(target oriel_test_${room})
+  add_executable(${target} ${sources} ${support})
+  set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
+  oriel_flags(${target})
+  oriel_test_pch(${target})
+  target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/tests)
+  target_compile_definitions(${target} PRIVATE
+    ORIEL_SOURCE_DIR="${PROJECT_SOURCE_DIR}" ORIEL_DATA_DIR="${PROJECT_SOURCE_DIR}/data"
+    ORIEL_COMMAND="${PROJECT_BINARY_DIR}/oriel"
+    $<$<BOOL:${ORIEL_HAS_SHARED_DATA}>:ORIEL_SHARED_DIR="${shared_data}">)
+  if(TARGET oriel_ceres AND room STREQUAL "engines")
+    target_link_libraries(${target} PRIVATE oriel_ceres)
+  endif()
+  # The rooms to the left of the files know nothing of them, in their tests too; so they are linked and run sooner.
+  set(rooms_without_files base manifold sensor residual graph linear solve house)
+  if(room IN_LIST rooms_without_files)
+    oriel_links(${target} oriel_testing oriel_core)
+  else()
+    oriel_links_everything(${target})
+  endif()
+  target_link_libraries(${target} PRIVATE GTest::gtest GTest::gtest_main Eigen3::Eigen)
+  if(nlohmann_json_FOUND)
+    target_link_libraries(${target} PRIVATE nlohmann_json::nlohmann_json)
+  endif()
+  if(TARGET oriel_cli AND room STREQUAL "apps")
+    add_dependencies(${target} oriel_cli)
+  endif()
+  gtest_discover_tests(${target} TEST_PREFIX "${room}." DISCOVERY_MODE PRE_TEST PROPERTIES TIMEOUT 300)
+endfunction()
+
+file(GLOB rooms RELATIVE ${PROJECT_SOURCE_DIR}/tests CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/*)
+foreach(room IN LISTS rooms)
+  if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/tests/${room})
+    oriel_room_test(${room})
+  endif()
+endforeach()
+
+# Every example runs as a test.
+file(GLOB examples CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/examples/*.cc)
+foreach(example IN LISTS examples)
+  cmake_path(GET example STEM name)
+  if(TARGET oriel_example_${name})
+    add_test(NAME example.${name} COMMAND oriel_example_${name} WORKING_DIRECTORY ${PROJECT_BINARY_DIR})
+  endif()
+endforeach()
+
+# --- the house ----------------------------------------------------------------------------------------------------------
+
+# Each header alone: one translation unit a header, which includes it twice (a guard is missing otherwise unseen). It is
+# built by its test and not by `all`, so that one unfinished header does not stop every other test. Sanitizers would add
+# time and find nothing more.
+file(GLOB_RECURSE headers CONFIGURE_DEPENDS RELATIVE ${oriel_source_root} ${oriel_source_root}/oriel/*.h)
+if(NOT TARGET oriel_ceres)
+  list(FILTER headers EXCLUDE REGEX "^oriel/engines/ceres/")
+endif()
+set(alone_sources "")
+foreach(header IN LISTS headers)
+  string(REPLACE "/" "_" unit ${header})
+  set(unit ${PROJECT_BINARY_DIR}/headers_alone/${unit}.cc)
+  file(CONFIGURE OUTPUT ${unit} CONTENT "#include \"${header}\"\n#include \"${header}\"\n")
+  list(APPEND alone_sources ${unit})
+endforeach()
+if(alone_sources AND NOT ORIEL_SANITIZE)
+  add_library(oriel_headers_alone OBJECT EXCLUDE_FROM_ALL ${alone_sources})
+  oriel_flags(oriel_headers_alone)
+  target_compile_options(oriel_headers_alone PRIVATE -O0)
+  target_link_libraries(oriel_headers_alone PRIVATE Eigen3::Eigen)
+  target_include_directories(oriel_headers_alone PRIVATE ${oriel_source_root})
+  if(TARGET oriel_ceres)
+    target_link_libraries(oriel_headers_alone PRIVATE Ceres::ceres)
+  endif()
+  add_test(NAME house.EachHeaderCompilesAlone
+           COMMAND ${CMAKE_COMMAND} --build ${PROJECT_BINARY_DIR} --target oriel_headers_alone --parallel 2 -- -k 0)
+  set_tests_properties(house.EachHeaderCompilesAlone PROPERTIES TIMEOUT 300 RUN_SERIAL ON)
+endif()
+
+# A project of somebody else finds the installed package, builds with its own flags and runs. Not with sanitizers: their
+# runtime would have to be a flag of the consumer.
+if(ORIEL_INSTALL AND NOT ORIEL_SANITIZE)
+  add_test(NAME house.AnotherProjectFindsThePackage
+           COMMAND ${CMAKE_COMMAND} -D BUILD_DIR=${PROJECT_BINARY_DIR} -D CONSUMER_DIR=${PROJECT_SOURCE_DIR}/tests/consumer
+                   -D GENERATOR=${CMAKE_GENERATOR} -D COMPILER=${CMAKE_CXX_COMPILER}
+                   -P ${PROJECT_SOURCE_DIR}/tests/house/package.cmake)
+  set_tests_properties(house.AnotherProjectFindsThePackage PROPERTIES TIMEOUT 300)
+endif()
+
+# What a user waits for: the first program compiles and links within 3 s of CPU time at -O2.
+if(EXISTS ${PROJECT_SOURCE_DIR}/examples/first_program.cc AND CMAKE_BUILD_TYPE STREQUAL "Release")
+  add_test(NAME house.TheFirstProgramCompilesInThreeSeconds
+           COMMAND bash ${PROJECT_SOURCE_DIR}/tests/house/first_program.sh ${CMAKE_CXX_COMPILER}
+                   ${PROJECT_SOURCE_DIR}/examples/first_program.cc ${oriel_source_root} $<TARGET_FILE:oriel_core>
+                   ${PROJECT_BINARY_DIR}/first_program $<$<BOOL:${ORIEL_METIS_LIBRARY}>:-lmetis>)
+  set_tests_properties(house.TheFirstProgramCompilesInThreeSeconds PROPERTIES RUN_SERIAL ON TIMEOUT 120)
+endif()

@@ -1,0 +1,176 @@
+// Slot map: dense values found by keys of index + generation (behaviours V1, V2).
+//
+// A key that was erased never resolves again: the next value in its slot has a higher generation. Dense positions are
+// in the order of insertion, which is the order of serials; an erased value leaves a hole, and when more than a quarter
+// are holes the rest moves together, in order (no swap with the last: the order is what makes two runs alike).
+#pragma once
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "oriel/base/check.h"
+
+namespace oriel {
+
+struct SlotKey {
+  std::uint32_t index = 0;
+  std::uint32_t generation = 0;  // live ones begin at 1
+  friend bool operator==(const SlotKey&, const SlotKey&) = default;
+};
+
+// The keys alone; whoever owns values keeps them in columns beside it.
+class SlotIndex {
+ public:
+  static constexpr std::uint32_t kNone = 0xffffffffu;
+
+  std::uint32_t size() const { return live_; }
+  // Dense positions in use, holes included: the length of the columns.
+  std::uint32_t extent() const { return static_cast<std::uint32_t>(slot_of_.size()); }
+  bool is_live(std::uint32_t dense) const { return slot_of_[dense] != kNone; }
+  std::uint64_t serial(std::uint32_t dense) const { return serial_[dense]; }
+  std::uint64_t last_serial() const { return last_serial_; }
+  SlotKey key(std::uint32_t dense) const { return {slot_of_[dense], slots_[slot_of_[dense]].generation}; }
+
+  // Dense position of a live key, else kNone.
+  std::uint32_t find(SlotKey k) const {
+    if (k.index >= slots_.size()) return kNone;
+    const Slot& s = slots_[k.index];
+    return s.generation == k.generation ? s.dense : kNone;
+  }
+  // The latest key of a slot, live or dead; generation 0 if it was never used.
+  SlotKey key_of_slot(std::uint32_t index) const {
+    return {index, index < slots_.size() ? slots_[index].generation : 0};
+  }
+  // Dense position of a slot that is known to be live.
+  std::uint32_t dense(std::uint32_t index) const { return slots_[index].dense; }
+
+  // A key that nobody has had. It resolves to nothing until it is inserted.
+  SlotKey lend() {
+    if (!free_.empty()) {
+      const SlotKey k = free_.back();
+      free_.pop_back();
+      return k;
+    }
+    return {next_++, 1};
+  }
+  // Back from an edit that will not be applied; its generation is spent.
+  void give_back(SlotKey k) { free_.push_back({k.index, k.generation + 1}); }
+
+  // True if `insert` of this key will succeed.
+  bool can_insert(SlotKey k) const {
+    if (k.generation == 0 || k.index == kNone) return false;
+    if (k.index >= slots_.size()) return k.index < slots_.size() + kLargestLeap;
+    return slots_[k.index].dense == kNone && k.generation > slots_[k.index].generation;
+  }
+  // Appends; the dense position of the new value. Serials rise.
+  std::uint32_t insert(SlotKey k, std::uint64_t serial) {
+    check(can_insert(k), "a slot key is inserted twice");
+    if (k.index >= slots_.size()) slots_.resize(k.index + 1);
+    if (k.index >= next_) next_ = k.index + 1;
+    const std::uint32_t d = extent();
+    slots_[k.index] = {d, k.generation};
+    slot_of_.push_back(k.index);
+    serial_.push_back(serial);
+    last_serial_ = serial;
+    ++live_;
+    return d;
+  }
+  // False for a key that does not resolve.
+  bool erase(SlotKey k) {
+    const std::uint32_t d = find(k);
+    if (d == kNone) return false;
+    slot_of_[d] = kNone;
+    slots_[k.index].dense = kNone;
+    free_.push_back({k.index, k.generation + 1});
+    --live_;
+    return true;
+  }
+
+  bool wants_compaction() const { return (extent() - live_) * 4 > extent(); }
+  // Closes the holes in order: move(from, to) for each value that changes its place, then resize(live).
+  template <class Move, class Resize>
+  void compact(Move&& move, Resize&& resize) {
+    std::uint32_t to = 0;
+    for (std::uint32_t from = 0; from < extent(); ++from) {
+      if (!is_live(from)) continue;
+      if (from != to) {
+        slot_of_[to] = slot_of_[from];
+        serial_[to] = serial_[from];
+        slots_[slot_of_[to]].dense = to;
+        move(from, to);
+      }
+      ++to;
+    }
+    slot_of_.resize(to);
+    serial_.resize(to);
+    resize(to);
+  }
+  void reserve(std::uint32_t more) {
+    slots_.reserve(slots_.size() + more);
+    slot_of_.reserve(slot_of_.size() + more);
+    serial_.reserve(serial_.size() + more);
+    free_.reserve(free_.size() + live_ + more);
+  }
+
+ private:
+  static constexpr std::uint32_t kLargestLeap = 1u << 24;  // a damaged message must not ask for all memory
+  struct Slot {
+    std::uint32_t dense = kNone;
+    std::uint32_t generation = 0;
+  };
+  std::vector<Slot> slots_;
+  std::vector<std::uint32_t> slot_of_;  // by dense position; kNone: a hole
+  std::vector<std::uint64_t> serial_;
+  std::vector<SlotKey> free_;
+  std::uint64_t last_serial_ = 0;
+  std::uint32_t live_ = 0, next_ = 0;
+};
+
+// Keys and values of one type.
+template <class T>
+class SlotMap {
+ public:
+  SlotKey add(T value) {
+    const SlotKey k = index_.lend();
+    index_.insert(k, index_.last_serial() + 1);
+    values_.push_back(std::move(value));
+    return k;
+  }
+  bool erase(SlotKey k) {
+    if (!index_.erase(k)) return false;
+    if (index_.wants_compaction())
+      index_.compact([this](auto from, auto to) { values_[to] = std::move(values_[from]); },
+                     [this](auto n) { values_.erase(values_.begin() + n, values_.end()); });
+    return true;
+  }
+  // Every key is dead afterwards, also when its slot is used again.
+  void clear() {
+    for (std::uint32_t d = 0; d < index_.extent(); ++d)
+      if (index_.is_live(d)) index_.erase(index_.key(d));
+    if (index_.extent() > 0) index_.compact([](auto, auto) {}, [this](auto) { values_.clear(); });
+  }
+  T* find(SlotKey k) {
+    const std::uint32_t d = index_.find(k);
+    return d == SlotIndex::kNone ? nullptr : &values_[d];
+  }
+  const T* find(SlotKey k) const { return const_cast<SlotMap*>(this)->find(k); }
+  T& operator[](SlotKey k) {
+    T* v = find(k);
+    check(v != nullptr, "SlotMap: a key that does not resolve");
+    return *v;
+  }
+  std::size_t size() const { return index_.size(); }
+  std::size_t extent() const { return index_.extent(); }
+  // In the order of insertion: f(key, value).
+  template <class F>
+  void for_each(F&& f) const {
+    for (std::uint32_t d = 0; d < index_.extent(); ++d)
+      if (index_.is_live(d)) f(index_.key(d), values_[d]);
+  }
+
+ private:
+  SlotIndex index_;
+  std::vector<T> values_;
+};
+
+}  // namespace oriel

@@ -1,0 +1,79 @@
+// What happened to a graph, for any number of followers, each at its own pace (behaviours C1–C4).
+//
+// The graph stamps everything with the version that added or changed it, so what a follower that saw version v has not
+// seen is: the rows added after v (the ends of the columns: serials rise), and the entries of two short logs. What was
+// added and removed after v is in neither. Entries that every follower has seen are forgotten.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "oriel/graph/ids.h"
+
+namespace oriel {
+
+// A follower's place in the log. Made by Graph::subscribe; the first collect gives the whole graph.
+struct Subscription {
+  std::uint32_t number = 0;
+};
+
+class ChangeLog {
+ public:
+  struct Removal {
+    bool factor = false;
+    std::uint64_t type = 0;  // type key of the variable, or key of the table
+    SlotKey key;
+    std::uint64_t added = 0, removed = 0;  // versions
+  };
+  // The user set this value, flag or first estimate (the variable's own versions say which is the latest).
+  struct Change {
+    VariableKey id;
+    std::uint64_t version = 0;
+  };
+
+  Subscription subscribe() {
+    for (std::uint32_t i = 0; i < seen_.size(); ++i)
+      if (seen_[i] == kNobody) {
+        seen_[i] = 0;
+        return {i};
+      }
+    seen_.push_back(0);
+    return {static_cast<std::uint32_t>(seen_.size() - 1)};
+  }
+  void unsubscribe(Subscription s) {
+    seen_[s.number] = kNobody;
+    forget();
+  }
+  std::uint64_t seen(Subscription s) const { return seen_[s.number]; }
+  void mark_seen(Subscription s, std::uint64_t version) {
+    seen_[s.number] = version;
+    forget();
+  }
+
+  void note(const Removal& r) {
+    if (least_seen() != kNobody) removals_.push_back(r);
+  }
+  void note(const Change& c) {
+    if (least_seen() != kNobody) changes_.push_back(c);
+  }
+  const std::vector<Removal>& removals() const { return removals_; }
+  const std::vector<Change>& changes() const { return changes_; }
+
+ private:
+  static constexpr std::uint64_t kNobody = ~std::uint64_t{0};
+  std::uint64_t least_seen() const {
+    std::uint64_t least = kNobody;
+    for (std::uint64_t s : seen_) least = s < least ? s : least;
+    return least;
+  }
+  void forget() {
+    const std::uint64_t least = least_seen();
+    std::erase_if(removals_, [least](const Removal& r) { return r.removed <= least; });
+    std::erase_if(changes_, [least](const Change& c) { return c.version <= least; });
+  }
+
+  std::vector<std::uint64_t> seen_;
+  std::vector<Removal> removals_;
+  std::vector<Change> changes_;
+};
+
+}  // namespace oriel

@@ -1,0 +1,26 @@
+// Everything that may be wrong with an edit, found before anything changes.
+#pragma once
+#include "oriel/graph/graph.h"
+
+namespace oriel {
+
+class EditValidator {
+ public:
+  EditValidator(const Graph& graph, const GraphEdit& edit) : graph_(graph), edit_(edit) {}
+  Result<void> validate() const;
+
+ private:
+  Result<void> variables(const edit::Variables& c) const;
+  Result<void> added_variables(const edit::Variables& c) const;
+  Result<void> factors(const edit::Factors& c) const;
+  Result<void> factor(const edit::Factors& c, std::size_t i) const;
+  Result<void> priors() const;
+  Result<void> prior(const edit::AddedPrior& p) const;
+  // Will the variable be there when the edit is done? Else says why not.
+  Result<void> resolves(const VariableOps& ops, SlotKey key, const std::string& what) const;
+
+  const Graph& graph_;
+  const GraphEdit& edit_;
+};
+
+}  // namespace oriel

@@ -1,0 +1,153 @@
+// Graph: variables, the factors that connect them, and nothing of how they are solved.
+//
+// It changes by values alone: apply(GraphEdit) and adopt(Solution). An edit is validated, space is reserved, then it is
+// committed without failure: whole or not at all. One writer; readers in between.
+#pragma once
+#include <memory>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "oriel/base/result.h"
+#include "oriel/graph/change_log.h"
+#include "oriel/graph/factor_table.h"
+#include "oriel/graph/graph_edit.h"
+#include "oriel/graph/variable_pool.h"
+
+namespace oriel {
+
+// Values that an engine found, and the version of the graph that it started from.
+struct Solution {
+  struct Column {
+    const VariableOps* ops = nullptr;
+    std::vector<SlotKey> keys;
+    ByteColumn values;
+  };
+  std::uint64_t version = 0;
+  std::vector<Column> columns;
+};
+
+class Graph {
+ public:
+  static constexpr std::uint32_t kPriorTable = 0xfffffffeu;  // stands for the table of priors in an Incidence
+
+  // One entry of the list of factors at a variable.
+  struct Incidence {
+    std::uint32_t next = VariablePool::kNoIncidence, previous = VariablePool::kNoIncidence;
+    std::uint32_t table = 0;  // place in tables(), or kPriorTable
+    std::uint32_t slot = 0;   // of the factor
+    std::uint32_t arg = 0;    // which of its variables
+  };
+
+  Graph() = default;
+  Graph(const Graph&) = delete;  // ids name one graph; a copy is made by a follower that is sent the whole of it
+  Graph& operator=(const Graph&) = delete;
+  Graph(Graph&&) = default;
+  Graph& operator=(Graph&&) = default;
+
+  GraphEdit edit() { return GraphEdit(*this); }
+
+  // Refused, with the item named: unknown or stale ids, the same id twice, values or measurements that are not finite,
+  // noise that is no noise, priors of the wrong size, a version that is not the graph's. Then nothing has changed.
+  Result<void> apply(GraphEdit& edit) noexcept;
+
+  // Takes over values; leaves out what is fixed, gone, or was set by the user after the solution's version. Refused
+  // whole if any value is not finite. Raises no flag for followers (C5).
+  Result<void> adopt(const Solution& solution) noexcept;
+
+  template <Variable V>
+  bool contains(VariableId<V> id) const {
+    return find_value(id) != nullptr;
+  }
+  bool contains(FactorId id) const;
+  template <Variable V>
+  const V* find(VariableId<V> id) const {
+    return static_cast<const V*>(find_value(id));
+  }
+  // Fails loudly, naming the id, if it does not resolve.
+  template <Variable V>
+  const V& value(VariableId<V> id) const {
+    const void* p = find_value(id);
+    if (p == nullptr) [[unlikely]]
+      contract_violated("Graph::value: " + describe(id) + " is not in the graph");
+    return *static_cast<const V*>(p);
+  }
+
+  std::size_t variable_count() const;  // constants included
+  std::size_t factor_count() const;    // priors included
+  template <Variable V>
+  std::size_t count() const {
+    const VariablePool* p = find_pool(kVariableOps<V>.key);
+    return p == nullptr ? 0 : p->slots().size();
+  }
+  // In the order of serials: f(id, value).
+  template <Variable V, class F>
+  void for_each(F&& f) const {
+    const VariablePool* p = find_pool(kVariableOps<V>.key);
+    for (std::uint32_t d = 0; p != nullptr && d < p->extent(); ++d)
+      if (p->slots().is_live(d)) f(VariableId<V>{p->slots().key(d)}, *static_cast<const V*>(p->value(d)));
+  }
+  // All factors at a variable: f(table place or kPriorTable, row).
+  template <class F>
+  void for_each_factor(VariableKey id, F&& f) const;
+
+  // Grows with every change; structure_version only when variables, factors or fixed flags change.
+  std::uint64_t version() const { return version_; }
+  std::uint64_t structure_version() const { return structure_version_; }
+  bool fixed(VariableKey id) const;
+
+  // ---- followers ----
+  Subscription subscribe() { return log_.subscribe(); }
+  void unsubscribe(Subscription s) { log_.unsubscribe(s); }
+  // Writes the net of what the follower has not seen into `out` (cleared first), with ids and serials, and marks it
+  // as seen. Applied to a graph that followed so far, it makes that graph equal to this one.
+  void collect(Subscription s, GraphEdit& out);
+
+  // ---- what engines and reports read ----
+  const std::vector<std::unique_ptr<VariablePool>>& pools() const { return pools_; }
+  const std::vector<std::unique_ptr<FactorTable>>& tables() const { return tables_; }
+  const PriorTable& priors() const { return priors_; }
+  const VariablePool* find_pool(std::uint64_t type) const;
+  const void* find_value(VariableKey id) const;
+  const VariableOps* find_ops(std::uint64_t type) const;
+  const FactorOps* find_factor_ops(std::uint64_t table) const;
+  // "pose3/1 'start'" or "pose3/1 #4.1", for people.
+  std::string describe(VariableKey id) const;
+
+  // ---- the source of ids, for edits ----
+  SlotKey lend(const VariableOps* ops) { return pools_[pool_index(ops)]->slots().lend(); }
+  SlotKey lend(const FactorOps* ops) { return tables_[table_index(ops)]->slots().lend(); }
+  SlotKey lend_prior() { return priors_.slots().lend(); }
+  void give_back(const GraphEdit& edit);
+
+ private:
+  friend class EditValidator;
+  friend class EditCommit;
+
+  std::uint32_t pool_index(const VariableOps* ops);
+  std::uint32_t table_index(const FactorOps* ops);
+  VariablePool* pool_of(std::uint64_t type) { return const_cast<VariablePool*>(find_pool(type)); }
+
+  std::vector<std::unique_ptr<VariablePool>> pools_;
+  std::vector<std::unique_ptr<FactorTable>> tables_;
+  PriorTable priors_;
+  std::vector<Incidence> incidences_;
+  std::vector<std::uint32_t> free_incidences_;
+  std::unordered_map<std::uint64_t, std::unordered_map<std::uint64_t, std::string>> labels_;  // by type, by key
+  ChangeLog log_;
+  GraphEdit derived_;  // scratch of apply: priors that lose variables
+  std::uint64_t version_ = 0, structure_version_ = 0, next_serial_ = 1;
+};
+
+template <class F>
+void Graph::for_each_factor(VariableKey id, F&& f) const {
+  const VariablePool* pool = find_pool(id.type);
+  const std::uint32_t dense = pool == nullptr ? SlotIndex::kNone : pool->slots().find(id.key);
+  if (dense == SlotIndex::kNone) return;
+  for (std::uint32_t i = pool->incidence(dense); i != VariablePool::kNoIncidence; i = incidences_[i].next) {
+    const Incidence& e = incidences_[i];
+    f(e.table, e.table == kPriorTable ? priors_.slots().dense(e.slot) : tables_[e.table]->slots().dense(e.slot));
+  }
+}
+
+}  // namespace oriel

@@ -1,0 +1,186 @@
+#include "oriel/graph/graph_edit.h"
+
+#include "oriel/graph/graph.h"
+
+namespace oriel {
+namespace edit {
+
+void Variables::add(const AddedVariable& a, const void* value, const void* first_estimate) {
+  added_at.set(a.key.index, static_cast<std::uint32_t>(added.size()));
+  added.push_back(a);
+  values.push_back(value);
+  first_estimates.push_back(first_estimate);
+}
+
+void Variables::remove(SlotKey key) {
+  removed_at.set(key.index, static_cast<std::uint32_t>(removed.size()));
+  removed.push_back(key);
+}
+
+std::uint32_t Variables::find_added(SlotKey key) const {
+  const std::uint32_t at = added_at.find(key.index);
+  return at != SlotMarks::kNone && added[at].key == key ? at : SlotMarks::kNone;
+}
+
+bool Variables::removes(SlotKey key) const {
+  const std::uint32_t at = removed_at.find(key.index);
+  return at != SlotMarks::kNone && removed[at] == key;
+}
+
+void Variables::clear() {
+  for (const AddedVariable& a : added) added_at.forget(a.key.index);
+  for (const SlotKey& k : removed) removed_at.forget(k.index);
+  added.clear();
+  values.clear();
+  first_estimates.clear();
+  removed.clear();
+  set.clear();
+  set_values.clear();
+  fixed.clear();
+}
+
+void Factors::clear() {
+  for (const SlotKey& k : removed) removed_at.forget(k.index);
+  added.clear();
+  measurements.clear();
+  noises.clear();
+  variables.clear();
+  removed.clear();
+}
+
+void Priors::clear() {
+  added.clear();
+  variables.clear();
+  numbers.clear();
+  removed.clear();
+}
+
+}  // namespace edit
+
+edit::Variables& GraphEdit::variables(const VariableOps* ops) {
+  if (edit::Variables* c = column_of(ops->key)) return *c;
+  return *variables_.emplace_back(std::make_unique<edit::Variables>(ops));
+}
+
+edit::Variables* GraphEdit::column_of(std::uint64_t type) {
+  for (auto& c : variables_)
+    if (c->ops->key == type) return c.get();
+  return nullptr;
+}
+
+const edit::Variables* GraphEdit::find_variables(std::uint64_t type) const {
+  return const_cast<GraphEdit*>(this)->column_of(type);
+}
+
+edit::Factors& GraphEdit::factors(const FactorOps* ops) {
+  for (auto& c : factors_)
+    if (c->ops->key == ops->key) return *c;
+  return *factors_.emplace_back(std::make_unique<edit::Factors>(ops));
+}
+
+SlotKey GraphEdit::lend_variable(const VariableOps* ops) {
+  check(graph_ != nullptr, "GraphEdit::add: this edit was not lent by a graph (Graph::edit)");
+  return graph_->lend(ops);
+}
+
+FactorId GraphEdit::add_factor(const FactorOps* ops, const void* measurement, const void* noise, const Loss& loss,
+                               const SlotKey* variables) {
+  check(graph_ != nullptr, "GraphEdit::add: this edit was not lent by a graph (Graph::edit)");
+  const SlotKey key = graph_->lend(ops);
+  edit::Factors& column = factors(ops);
+  column.added.push_back({key, 0, next_order(), loss});
+  column.measurements.push_back(measurement);
+  column.noises.push_back(noise);
+  column.variables.insert(column.variables.end(), variables, variables + ops->variables.size());
+  return {ops->key, key};
+}
+
+FactorId GraphEdit::add(const LinearPrior& prior) {
+  check(graph_ != nullptr, "GraphEdit::add: this edit was not lent by a graph (Graph::edit)");
+  const SlotKey key = graph_->lend_prior();
+  edit::AddedPrior a{key,
+                     0,
+                     next_order(),
+                     static_cast<std::uint32_t>(priors_.variables.size()),
+                     static_cast<std::uint32_t>(prior.variables.size()),
+                     priors_.numbers.size(),
+                     0};
+  auto append = [this](const std::vector<double>& v) {
+    priors_.numbers.insert(priors_.numbers.end(), v.begin(), v.end());
+  };
+  priors_.variables.insert(priors_.variables.end(), prior.variables.begin(), prior.variables.end());
+  append(prior.estimates);
+  append(prior.d);
+  append(prior.R);
+  a.block_size = priors_.numbers.size() - a.block;
+  priors_.added.push_back(a);
+  return {PriorTable::kKey, key};
+}
+
+const void* GraphEdit::find_value(VariableKey id) const {
+  if (const edit::Variables* c = find_variables(id.type)) {
+    for (std::size_t i = c->set.size(); i-- > 0;)
+      if (c->set[i].first == id.key && c->set[i].second == edit::SetKind::value) return c->set_values.at(i);
+    const std::uint32_t at = c->find_added(id.key);
+    if (at != edit::SlotMarks::kNone) return c->values.at(at);
+  }
+  return graph_ != nullptr ? graph_->find_value(id) : nullptr;
+}
+
+void GraphEdit::fix(VariableKey id, bool fixed) {
+  edit::Variables* c = column_of(id.type);
+  if (c == nullptr) {
+    const VariableOps* ops = graph_ != nullptr ? graph_->find_ops(id.type) : nullptr;
+    check(ops != nullptr, "GraphEdit::fix: an id of a type that the graph does not know");
+    c = &variables(ops);
+  }
+  c->fixed.emplace_back(id.key, fixed);
+}
+
+void GraphEdit::remove(VariableKey id) {
+  edit::Variables* c = column_of(id.type);
+  if (c == nullptr) {
+    const VariableOps* ops = graph_ != nullptr ? graph_->find_ops(id.type) : nullptr;
+    check(ops != nullptr, "GraphEdit::remove: an id of a type that the graph does not know");
+    c = &variables(ops);
+  }
+  c->remove(id.key);
+}
+
+void GraphEdit::remove(FactorId id) {
+  if (id.table == PriorTable::kKey) {
+    priors_.removed.push_back(id.key);
+    return;
+  }
+  for (auto& c : factors_)
+    if (c->ops->key == id.table) {
+      c->removed_at.set(id.key.index, static_cast<std::uint32_t>(c->removed.size()));
+      c->removed.push_back(id.key);
+      return;
+    }
+  const FactorOps* ops = graph_ != nullptr ? graph_->find_factor_ops(id.table) : nullptr;
+  check(ops != nullptr, "GraphEdit::remove: a factor of a table that the graph does not know");
+  factors(ops);
+  remove(id);
+}
+
+bool GraphEdit::empty() const {
+  for (const auto& c : variables_)
+    if (!c->empty()) return false;
+  for (const auto& c : factors_)
+    if (!c->empty()) return false;
+  return priors_.empty();
+}
+
+void GraphEdit::clear() {
+  if (graph_ != nullptr && !applied_) graph_->give_back(*this);
+  for (auto& c : variables_) c->clear();
+  for (auto& c : factors_) c->clear();
+  priors_.clear();
+  labels_.clear();
+  order_ = 0;
+  required_version_ = 0;
+  applied_ = false;
+}
+
+}  // namespace oriel

@@ -1,0 +1,240 @@
+// GraphEdit: what is to change, as a value. The only way in which a graph changes (beside Graph::adopt).
+//
+// An edit that a graph lends gives out ids at once; the graph itself is unchanged until `apply`. The same value is what
+// marginalization returns, what followers of a graph are sent (change_log.h), and what a journal records. It is
+// reusable storage: clear() keeps its memory, so the edits of a steady window allocate nothing.
+#pragma once
+#include <memory>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "oriel/base/byte_column.h"
+#include "oriel/graph/ids.h"
+#include "oriel/graph/type_ops.h"
+
+namespace oriel {
+
+class Graph;
+
+namespace edit {
+
+// Position of a slot in a column, by slot index; forgets in time proportional to what it holds.
+class SlotMarks {
+ public:
+  static constexpr std::uint32_t kNone = 0xffffffffu;
+  std::uint32_t find(std::uint32_t index) const { return index < at_.size() ? at_[index] : kNone; }
+  void set(std::uint32_t index, std::uint32_t position) {
+    if (index >= at_.size()) at_.resize(index + 1 + at_.size() / 2, kNone);
+    at_[index] = position;
+  }
+  void forget(std::uint32_t index) { at_[index] = kNone; }
+
+ private:
+  std::vector<std::uint32_t> at_;
+};
+
+struct AddedVariable {
+  SlotKey key;
+  std::uint64_t serial = 0;  // 0: apply gives it one
+  std::uint64_t order = 0;   // among all that this edit adds
+  bool fixed = false, has_first_estimate = false;
+};
+enum class SetKind : std::uint8_t { value, first_estimate };
+
+// Everything of one variable type.
+struct Variables {
+  const VariableOps* ops = nullptr;
+  std::vector<AddedVariable> added;
+  ByteColumn values, first_estimates;  // parallel to added
+  std::vector<SlotKey> removed;
+  std::vector<std::pair<SlotKey, SetKind>> set;
+  ByteColumn set_values;  // parallel to set
+  std::vector<std::pair<SlotKey, bool>> fixed;
+  SlotMarks added_at, removed_at;
+
+  explicit Variables(const VariableOps* o) : ops(o), values(o->bytes), first_estimates(o->bytes), set_values(o->bytes) {}
+  void clear();
+  bool empty() const { return added.empty() && removed.empty() && set.empty() && fixed.empty(); }
+  void add(const AddedVariable& a, const void* value, const void* first_estimate);
+  void remove(SlotKey key);
+  // Position in `added`, or SlotMarks::kNone.
+  std::uint32_t find_added(SlotKey key) const;
+  bool removes(SlotKey key) const;
+};
+
+struct AddedFactor {
+  SlotKey key;
+  std::uint64_t serial = 0, order = 0;
+  Loss loss;
+};
+
+// Everything of one factor table.
+struct Factors {
+  const FactorOps* ops = nullptr;
+  std::vector<AddedFactor> added;
+  ByteColumn measurements, noises;
+  std::vector<SlotKey> variables;  // arity of them a row
+  std::vector<SlotKey> removed;
+  SlotMarks removed_at;
+
+  explicit Factors(const FactorOps* o) : ops(o), measurements(o->measurement_bytes), noises(o->noise_bytes) {}
+  void clear();
+  bool empty() const { return added.empty() && removed.empty(); }
+};
+
+struct AddedPrior {
+  SlotKey key;
+  std::uint64_t serial = 0, order = 0;
+  std::uint32_t variables = 0, variable_count = 0;  // in Priors::variables
+  std::size_t block = 0, block_size = 0;            // in Priors::numbers; layout in factor_table.h
+};
+struct Priors {
+  std::vector<AddedPrior> added;
+  std::vector<VariableKey> variables;
+  std::vector<double> numbers;
+  std::vector<SlotKey> removed;
+  void clear();
+  bool empty() const { return added.empty() && removed.empty(); }
+};
+
+}  // namespace edit
+
+// A prior as one writes it down: r = d + R (x ⊟ x̂), see residual/linear_prior.h.
+struct LinearPrior {
+  std::vector<VariableKey> variables;  // in the order of the columns
+  std::vector<double> estimates;       // x̂: the bytes of each value, rounded up to doubles, one after the other
+  int rows = 0, cols = 0;
+  std::vector<double> d, R;  // rows; rows × cols column-major
+};
+
+// Doubles that a value takes in LinearPrior::estimates.
+inline std::size_t estimate_doubles(const VariableOps& ops) { return (ops.bytes + 7) / 8; }
+
+class GraphEdit {
+ public:
+  // An edit that carries ids given elsewhere (a message, a journal); a graph's own edits come from Graph::edit().
+  GraphEdit() = default;
+  explicit GraphEdit(Graph& graph) : graph_(&graph) {}
+
+  // A new variable; its id may be used at once, in this edit and (once applied) everywhere.
+  template <Variable V>
+  VariableId<V> add(const V& value, Label label = {});
+
+  // A new factor. Its noise is Sigma, Sigmas, Information, SqrtInformation or Covariance (residual/noise.h); the ids
+  // are those of the residual's Variables, in order.
+  template <Residual R, class Noise, class... V>
+  FactorId add(const R& residual, const Noise& noise, VariableId<V>... variables) {
+    return add(residual, noise, Loss::none(), variables...);
+  }
+  template <Residual R, class Noise, class... V>
+  FactorId add(const R& residual, const Noise& noise, const Loss& loss, VariableId<V>... variables);
+
+  FactorId add(const LinearPrior& prior);
+
+  // The value that the variable will have: what this edit adds or sets, else what the graph holds.
+  template <Variable V>
+  V value(VariableId<V> id) const;
+
+  template <Variable V>
+  void set(VariableId<V> id, const V& value);
+  // A fixed variable takes part in factors and is not moved by solvers.
+  void fix(VariableKey id, bool fixed = true);
+  // Removes the variable and every factor on it; a LinearPrior loses that variable alone (marginalized out).
+  void remove(VariableKey id);
+  void remove(FactorId id);
+
+  // The edit is only valid for a graph at this version; else it is refused as a conflict (marginalization).
+  void require_version(std::uint64_t version) { required_version_ = version; }
+  std::uint64_t required_version() const { return required_version_; }
+
+  bool empty() const;
+  // Forgets everything, keeps the memory. Ids that were lent and not applied are returned to the graph.
+  void clear();
+
+  // ---- what apply, journals and followers read ----
+  edit::Variables& variables(const VariableOps* ops);
+  edit::Factors& factors(const FactorOps* ops);
+  edit::Priors& priors() { return priors_; }
+  const edit::Priors& priors() const { return priors_; }
+  auto& variable_columns() { return variables_; }
+  const auto& variable_columns() const { return variables_; }
+  auto& factor_columns() { return factors_; }
+  const auto& factor_columns() const { return factors_; }
+  auto& labels() { return labels_; }
+  const auto& labels() const { return labels_; }
+  const edit::Variables* find_variables(std::uint64_t type) const;
+  std::uint64_t next_order() { return order_++; }
+  std::uint64_t order() const { return order_; }
+  void mark_applied() { applied_ = true; }
+  bool applied() const { return applied_; }
+
+ private:
+  SlotKey lend_variable(const VariableOps* ops);
+  FactorId add_factor(const FactorOps* ops, const void* measurement, const void* noise, const Loss& loss,
+                      const SlotKey* variables);
+  const void* find_value(VariableKey id) const;
+  edit::Variables* column_of(std::uint64_t type);
+
+  Graph* graph_ = nullptr;
+  std::vector<std::unique_ptr<edit::Variables>> variables_;
+  std::vector<std::unique_ptr<edit::Factors>> factors_;
+  edit::Priors priors_;
+  std::vector<std::pair<VariableKey, std::string>> labels_;
+  std::uint64_t order_ = 0, required_version_ = 0;
+  bool applied_ = false;
+};
+
+// ---- implementation of the templates ----
+
+template <Variable V>
+VariableId<V> GraphEdit::add(const V& value, Label label) {
+  const SlotKey key = lend_variable(&kVariableOps<V>);
+  variables(&kVariableOps<V>).add({key, 0, next_order(), false, false}, &value, &value);
+  if (!label.text.empty()) labels_.emplace_back(VariableKey{kVariableOps<V>.key, key}, std::move(label.text));
+  return {key};
+}
+
+namespace detail {
+template <class Vars, class... V>
+inline constexpr bool kSameVariables = false;
+template <class... V>
+inline constexpr bool kSameVariables<Types<V...>, V...> = true;
+template <class Noise, int N>
+inline constexpr bool kNoiseFits = false;
+template <int N>
+inline constexpr bool kNoiseFits<IsotropicNoise, N> = true;
+template <int N>
+inline constexpr bool kNoiseFits<DiagonalNoise<N>, N> = true;
+template <int N>
+inline constexpr bool kNoiseFits<FullNoise<N>, N> = true;
+}  // namespace detail
+
+template <Residual R, class Noise, class... V>
+FactorId GraphEdit::add(const R& residual, const Noise& noise, const Loss& loss, VariableId<V>... variables) {
+  static_assert(ResidualTraits<R>::kArity == sizeof...(V), "as many ids as the residual's Variables are needed");
+  static_assert(detail::kSameVariables<typename R::Variables, V...>, "the ids must be those of the residual's Variables");
+  static_assert(detail::kNoiseFits<Noise, ResidualTraits<R>::kDim>, "the noise has another dimension than the residual");
+  static_assert(alignof(R) <= 16, "measurements are stored at 16 bytes' alignment");
+  const SlotKey keys[] = {variables.key...};
+  return add_factor(&kFactorOps<R, Noise>, &residual, &noise, loss, keys);
+}
+
+template <Variable V>
+V GraphEdit::value(VariableId<V> id) const {
+  const void* p = find_value(id);
+  check(p != nullptr, "GraphEdit::value: an id that neither the edit nor the graph knows");
+  V v;
+  std::memcpy(static_cast<void*>(&v), p, sizeof(V));
+  return v;
+}
+
+template <Variable V>
+void GraphEdit::set(VariableId<V> id, const V& value) {
+  edit::Variables& column = variables(&kVariableOps<V>);
+  column.set.emplace_back(id.key, edit::SetKind::value);
+  column.set_values.push_back(&value);
+}
+
+}  // namespace oriel

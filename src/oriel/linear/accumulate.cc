@@ -1,0 +1,260 @@
+#include "oriel/linear/accumulate.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+
+#include "oriel/base/pack.h"
+#include "oriel/linear/linearize.h"
+
+namespace oriel {
+namespace {
+
+constexpr int kLanes = Pack::kLanes;
+constexpr int kStride = Batch::kRows;
+constexpr int kLargestDim = 9;
+
+using V8 = Pack::Native;
+using M8 = Pack::NativeMask;
+
+V8 load(const double* p) {
+  V8 v;
+  std::memcpy(&v, p, sizeof(v));
+  return v;
+}
+void store(double* p, V8 v) { std::memcpy(p, &v, sizeof(v)); }
+
+// Rows to columns of an 8 × 8 tile, in three rounds of exchanges.
+void turn(V8 (&x)[8]) {
+  constexpr M8 lo1 = {0, 8, 2, 10, 4, 12, 6, 14}, hi1 = {1, 9, 3, 11, 5, 13, 7, 15};
+  constexpr M8 lo2 = {0, 1, 8, 9, 4, 5, 12, 13}, hi2 = {2, 3, 10, 11, 6, 7, 14, 15};
+  constexpr M8 lo4 = {0, 1, 2, 3, 8, 9, 10, 11}, hi4 = {4, 5, 6, 7, 12, 13, 14, 15};
+  V8 a[8], b[8];
+  for (int i = 0; i < 8; i += 2) {
+    a[i] = __builtin_shuffle(x[i], x[i + 1], lo1);
+    a[i + 1] = __builtin_shuffle(x[i], x[i + 1], hi1);
+  }
+  for (int i = 0; i < 8; i += 4)
+    for (int k = 0; k < 2; ++k) {
+      b[i + k] = __builtin_shuffle(a[i + k], a[i + 2 + k], lo2);
+      b[i + 2 + k] = __builtin_shuffle(a[i + k], a[i + 2 + k], hi2);
+    }
+  for (int k = 0; k < 4; ++k) {
+    x[k] = __builtin_shuffle(b[k], b[4 + k], lo4);
+    x[4 + k] = __builtin_shuffle(b[k], b[4 + k], hi4);
+  }
+}
+
+// Where one lane's product goes; null: nowhere.
+struct Destination {
+  double* to = nullptr;
+  std::int32_t ld = 0;
+  PairAddress::Kind kind = PairAddress::Kind::none;
+};
+using Destinations = std::array<Destination, kLanes>;
+
+// Products of eight rows, lane by lane: entries of a lane stand together, column by column.
+struct Tile {
+  static constexpr int kEntries = (kLargestDim * kLargestDim + 7) / 8 * 8;
+  alignas(64) double by_lane[kLanes][kEntries];
+
+  void fill(const V8* entries, int count) {
+    for (int e = 0; e < count; e += 8) {
+      V8 x[8];
+      for (int k = 0; k < 8; ++k) x[k] = e + k < count ? entries[e + k] : V8{};
+      turn(x);
+      for (int l = 0; l < 8; ++l) store(&by_lane[l][e], x[l]);
+    }
+  }
+};
+
+// P = Aᵀ B over residual rows, A and B being columns of J in structure of arrays; the lower half alone where A = B.
+template <int DA, int DB, bool kLower>
+void multiply(const double* a, const double* b, int dim, Tile& tile) {
+  V8 p[Tile::kEntries];
+  int e = 0;
+  for (int c = 0; c < DB; ++c) {
+    V8 s[DA];
+    for (int i = kLower ? c : 0; i < DA; ++i) s[i] = load(a + i * dim * kStride) * load(b + c * dim * kStride);
+    for (int r = 1; r < dim; ++r) {
+      const V8 bc = load(b + (c * dim + r) * kStride);
+      for (int i = kLower ? c : 0; i < DA; ++i) s[i] += load(a + (i * dim + r) * kStride) * bc;
+    }
+    for (int i = kLower ? c : 0; i < DA; ++i) p[e++] = s[i];
+  }
+  tile.fill(p, e);
+}
+
+template <int DA, int DB>
+void add_block(const double* q, const Destination& d) {
+  switch (d.kind) {
+    case PairAddress::Kind::none: return;
+    case PairAddress::Kind::stored:
+      for (int c = 0; c < DB; ++c)
+        for (int i = 0; i < DA; ++i) d.to[std::int64_t{c} * d.ld + i] += q[c * DA + i];
+      return;
+    case PairAddress::Kind::transposed:
+      for (int c = 0; c < DB; ++c)
+        for (int i = 0; i < DA; ++i) d.to[std::int64_t{i} * d.ld + c] += q[c * DA + i];
+      return;
+    case PairAddress::Kind::diagonal_twice:
+      for (int c = 0; c < DB; ++c)
+        for (int i = 0; i < DA; ++i) {
+          d.to[std::int64_t{c} * d.ld + i] += q[c * DA + i];
+          d.to[std::int64_t{i} * d.ld + c] += q[c * DA + i];
+        }
+      return;
+  }
+}
+
+template <int D>
+void add_lower(const double* q, const Destination& d) {
+  if (d.kind == PairAddress::Kind::none) return;
+  int e = 0;
+  for (int c = 0; c < D; ++c)
+    for (int i = c; i < D; ++i) d.to[std::int64_t{c} * d.ld + i] += q[e++];
+}
+
+template <int DA, int DB>
+void pair_kernel(const double* a, const double* b, int dim, const Destinations& to) {
+  Tile tile;
+  if (DA == DB && a == b) {
+    multiply<DA, DA, true>(a, b, dim, tile);
+    for (int l = 0; l < kLanes; ++l) add_lower<DA>(tile.by_lane[l], to[l]);
+  } else {
+    multiply<DA, DB, false>(a, b, dim, tile);
+    for (int l = 0; l < kLanes; ++l) add_block<DA, DB>(tile.by_lane[l], to[l]);
+  }
+}
+
+// Any dimensions, one entry at a time.
+void pair_fallback(int da, int db, const double* a, const double* b, int dim, const Destinations& to) {
+  for (int c = 0; c < db; ++c)
+    for (int i = a == b ? c : 0; i < da; ++i) {
+      V8 s{};
+      for (int r = 0; r < dim; ++r) s += load(a + (i * dim + r) * kStride) * load(b + (c * dim + r) * kStride);
+      for (int l = 0; l < kLanes; ++l) {
+        const Destination& d = to[l];
+        if (d.kind == PairAddress::Kind::none) continue;
+        const bool turned = d.kind == PairAddress::Kind::transposed;
+        d.to[turned ? std::int64_t{i} * d.ld + c : std::int64_t{c} * d.ld + i] += s[l];
+        if (d.kind == PairAddress::Kind::diagonal_twice) d.to[std::int64_t{i} * d.ld + c] += s[l];
+      }
+    }
+}
+
+using Kernel = void (*)(const double*, const double*, int, const Destinations&);
+constexpr int kIndexOfDim[10] = {-1, 0, 1, 2, -1, -1, 3, 4, -1, 5};
+
+template <int DA>
+constexpr std::array<Kernel, 6> kernels_of() {
+  return {&pair_kernel<DA, 1>, &pair_kernel<DA, 2>, &pair_kernel<DA, 3>,
+          &pair_kernel<DA, 6>, &pair_kernel<DA, 7>, &pair_kernel<DA, 9>};
+}
+constexpr std::array<std::array<Kernel, 6>, 6> kKernels = {kernels_of<1>(), kernels_of<2>(), kernels_of<3>(),
+                                                            kernels_of<6>(), kernels_of<7>(), kernels_of<9>()};
+
+Kernel find_kernel(int da, int db) {
+  if (da > kLargestDim || db > kLargestDim || kIndexOfDim[da] < 0 || kIndexOfDim[db] < 0) return nullptr;
+  return kKernels[kIndexOfDim[da]][kIndexOfDim[db]];
+}
+
+// One group of eight lanes of one batch.
+class Group {
+ public:
+  Group(const LinearStructure& structure, const TablePlan& plan, std::size_t first, int lane, const Batch& batch,
+        LinearSystem& out, std::int64_t& fallbacks)
+      : structure_(structure), plan_(plan), row_(first + lane), lane_(lane), batch_(batch), out_(out), fallbacks_(fallbacks) {
+    lanes_ = std::min(kLanes, batch.rows - lane);
+  }
+
+  void run() {
+    const std::size_t n = plan_.arguments.size();
+    std::size_t pair = 0;
+    for (std::size_t a = 0; a < n; ++a) {
+      gradient(a);
+      for (std::size_t b = 0; b <= a; ++b, ++pair) product(a, b, pair);
+    }
+  }
+
+ private:
+  bool valid(int l) const { return (batch_.valid >> (lane_ + l)) & 1; }
+  const Target& target(int l, std::size_t a) const { return plan_.targets[(row_ + l) * plan_.arguments.size() + a]; }
+  const double* columns(std::size_t a) const {
+    return batch_.J + plan_.arguments[a].column * batch_.dim * kStride + lane_;
+  }
+
+  void gradient(std::size_t a) {
+    const int da = plan_.arguments[a].dim;
+    const double* j = columns(a);
+    for (int i = 0; i < da; ++i) {
+      V8 s{};
+      for (int r = 0; r < batch_.dim; ++r) s += load(j + (i * batch_.dim + r) * kStride) * load(batch_.r + r * kStride + lane_);
+      for (int l = 0; l < lanes_; ++l) {
+        const Target& t = target(l, a);
+        if (t.kind != Target::Kind::fixed && valid(l)) out_.gradient[t.offset + i] += s[l];
+      }
+    }
+  }
+
+  // H, V or W: rows of the product are those of argument a, but a landmark's stand on the right.
+  void product(std::size_t a, std::size_t b, std::size_t pair) {
+    const bool swap = plan_.arguments[a].landmark_type && !plan_.arguments[b].landmark_type;
+    Destinations to;
+    bool any = false;
+    for (int l = 0; l < lanes_; ++l) {
+      if (!valid(l)) continue;
+      to[l] = destination(l, a, b, pair, swap);
+      any = any || to[l].kind != PairAddress::Kind::none;
+    }
+    if (!any) return;
+    const std::size_t x = swap ? b : a, y = swap ? a : b;
+    const int da = plan_.arguments[x].dim, db = plan_.arguments[y].dim;
+    if (const Kernel kernel = find_kernel(da, db)) {
+      kernel(columns(x), columns(y), batch_.dim, to);
+    } else {
+      ++fallbacks_;
+      pair_fallback(da, db, columns(x), columns(y), batch_.dim, to);
+    }
+  }
+
+  Destination destination(int l, std::size_t a, std::size_t b, std::size_t pair, bool swap) {
+    const Target &x = target(l, a), &y = target(l, b);
+    using Kind = Target::Kind;
+    if (x.kind == Kind::fixed || y.kind == Kind::fixed) return {};
+    const std::size_t n = plan_.arguments.size();
+    if (x.kind == Kind::kept && y.kind == Kind::kept) {
+      const PairAddress& p = plan_.pairs[(row_ + l) * (n * (n + 1) / 2) + pair];
+      auto kind = p.kind;
+      if (swap) kind = kind == PairAddress::Kind::stored       ? PairAddress::Kind::transposed
+                       : kind == PairAddress::Kind::transposed ? PairAddress::Kind::stored
+                                                               : kind;
+      return {out_.h.data() + p.offset, p.ld, kind};
+    }
+    const LandmarkBlock& m = structure_.landmarks()[plan_.landmark[row_ + l]];
+    double* data = out_.landmarks.data();
+    if (x.kind == Kind::landmark && y.kind == Kind::landmark) return {data + m.v(), m.dim, PairAddress::Kind::stored};
+    const std::size_t kept = x.kind == Kind::kept ? a : b;
+    const bool kept_is_row = kept == (swap ? b : a);
+    return {data + m.w() + plan_.panel_row[(row_ + l) * n + kept], m.rows,
+            kept_is_row ? PairAddress::Kind::stored : PairAddress::Kind::transposed};
+  }
+
+  const LinearStructure& structure_;
+  const TablePlan& plan_;
+  std::size_t row_;
+  int lane_, lanes_;
+  const Batch& batch_;
+  LinearSystem& out_;
+  std::int64_t& fallbacks_;
+};
+
+}  // namespace
+
+void accumulate(const LinearStructure& structure, const TablePlan& plan, std::size_t first, const Batch& batch,
+                LinearSystem& out, std::int64_t& kernel_fallbacks) {
+  for (int lane = 0; lane < batch.rows; lane += kLanes)
+    Group(structure, plan, first, lane, batch, out, kernel_fallbacks).run();
+}
+
+}  // namespace oriel

@@ -1,0 +1,43 @@
+// Which blocks of a symmetric block matrix are not zero: dimensions of the block rows, and an undirected graph over
+// them. Knows dimensions and never types. All buffers only grow, so that the pattern of a steady window allocates
+// nothing.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+namespace oriel {
+
+class BlockPattern {
+ public:
+  // Begins a new pattern: block i has dims[i] >= 1 rows.
+  void reset(std::span<const int> dims);
+  // Block (i, j) and its transpose are not zero. Any number of times, in any order; i == j says nothing new.
+  void connect(int i, int j);
+  // Every pair of these blocks is not zero: what one factor over these variables contributes.
+  void connect_all(std::span<const int> blocks);
+  // Sorts what was connected into neighbour lists, without duplicates, in time linear in the number of pairs.
+  void finish();
+
+  int blocks() const { return static_cast<int>(dims_.size()); }
+  int dim(int i) const { return dims_[i]; }
+  int offset(int i) const { return offsets_[i]; }  // first scalar of block i, in the order of the input
+  int total_dim() const { return offsets_.empty() ? 0 : offsets_.back(); }
+  // Ascending, without i itself. Valid after finish().
+  std::span<const int> neighbours(int i) const {
+    return {neighbours_.data() + begin_[i], static_cast<std::size_t>(begin_[i + 1] - begin_[i])};
+  }
+  // Length of all neighbour lists: twice the number of different pairs.
+  int neighbour_count() const { return static_cast<int>(neighbours_.size()); }
+
+ private:
+  void bucket_by_second();
+  void bucket_by_first();
+  std::vector<int> dims_, offsets_;
+  std::vector<std::pair<int, int>> pairs_;
+  std::vector<int> begin_, neighbours_;
+  std::vector<int> bucket_begin_, bucketed_, last_seen_;  // scratch of finish()
+};
+
+}  // namespace oriel

@@ -1,0 +1,291 @@
+#include "oriel/linear/landmark_schur.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "oriel/linear/dense_kernels.h"
+
+namespace oriel {
+namespace {
+
+constexpr int kPanelColumns = 96;     // of Z at once: with 64 rows it stays in the first-level cache's neighbour
+constexpr int kLargestPanel = 640;    // kept scalars up to which the tall matrix is considered
+constexpr double kRelativePivot = 1e-13;
+constexpr int kLargestLandmark = 3;
+
+// Lower Cholesky factor of V + D with inverse diagonal; a pivot that is rounding error gets a zero row (undetermined).
+struct SmallCholesky {
+  int n;
+  double l[kLargestLandmark][kLargestLandmark] = {};
+  double inverse[kLargestLandmark] = {};
+  int undetermined = 0;  // bits
+
+  SmallCholesky(const double* v, const double* damping, int dim) : n(dim) {
+    for (int j = 0; j < n; ++j) {
+      const double diagonal = v[j * n + j] + damping[j];
+      double pivot = diagonal;
+      for (int k = 0; k < j; ++k) pivot -= l[j][k] * l[j][k];
+      if (!(pivot > kRelativePivot * diagonal) || !(diagonal > 0.0)) {
+        undetermined |= 1 << j;
+        continue;
+      }
+      const double root = std::sqrt(pivot);
+      l[j][j] = root;
+      inverse[j] = 1.0 / root;
+      for (int i = j + 1; i < n; ++i) {
+        double s = v[j * n + i];
+        for (int k = 0; k < j; ++k) s -= l[i][k] * l[j][k];
+        l[i][j] = s * inverse[j];
+      }
+    }
+  }
+  // y := L⁻¹ y
+  void forward(double* y) const {
+    for (int i = 0; i < n; ++i) {
+      for (int k = 0; k < i; ++k) y[i] -= l[i][k] * y[k];
+      y[i] *= inverse[i];
+    }
+  }
+  // y := L⁻ᵀ y
+  void backward(double* y) const {
+    for (int i = n - 1; i >= 0; --i) {
+      for (int k = i + 1; k < n; ++k) y[i] -= l[k][i] * y[k];
+      y[i] *= inverse[i];
+    }
+  }
+};
+
+// Z = W L⁻ᵀ, columns of `rows` values with leading dimension ld.
+void make_z(const SmallCholesky& c, const double* w, int rows, double* z, std::int64_t ld) {
+  for (int j = 0; j < c.n; ++j) {
+    double* zj = z + j * ld;
+    const double* wj = w + static_cast<std::int64_t>(j) * rows;
+    for (int i = 0; i < rows; ++i) zj[i] = wj[i];
+    for (int k = 0; k < j; ++k)
+      for (int i = 0; i < rows; ++i) zj[i] -= z[k * ld + i] * c.l[j][k];
+    for (int i = 0; i < rows; ++i) zj[i] *= c.inverse[j];
+  }
+}
+
+// S_ij -= Z_i Z_jᵀ; D × D blocks, L columns.
+template <int D, int L>
+void subtract_block(const double* zi, const double* zj, std::int64_t ld, double* s, std::int64_t lds) {
+  for (int c = 0; c < D; ++c) {
+    double* out = s + c * lds;
+    double f[L];
+    for (int k = 0; k < L; ++k) f[k] = zj[k * ld + c];
+    for (int i = 0; i < D; ++i) {
+      double x = out[i];
+      for (int k = 0; k < L; ++k) x -= zi[k * ld + i] * f[k];
+      out[i] = x;
+    }
+  }
+}
+void subtract_any(const double* zi, const double* zj, std::int64_t ld, int di, int dj, int l, double* s,
+                  const BlockAddress& at) {
+  for (int c = 0; c < dj; ++c)
+    for (int i = 0; i < di; ++i) {
+      double x = 0.0;
+      for (int k = 0; k < l; ++k) x += zi[k * ld + i] * zj[k * ld + c];
+      s[at.transposed ? std::int64_t{i} * at.ld + c : std::int64_t{c} * at.ld + i] -= x;
+    }
+}
+
+using BlockKernel = void (*)(const double*, const double*, std::int64_t, double*, std::int64_t);
+BlockKernel find_kernel(int d, int l) {
+  static constexpr BlockKernel kOf[3][3] = {
+      {&subtract_block<3, 1>, &subtract_block<3, 2>, &subtract_block<3, 3>},
+      {&subtract_block<6, 1>, &subtract_block<6, 2>, &subtract_block<6, 3>},
+      {&subtract_block<9, 1>, &subtract_block<9, 2>, &subtract_block<9, 3>}};
+  return d % 3 == 0 && d <= 9 && l <= 3 ? kOf[d / 3 - 1][l - 1] : nullptr;
+}
+
+}  // namespace
+
+void LandmarkSchur::prepare(const LinearStructure& structure) {
+  const auto& kept = structure.kept();
+  first_seen_ = 0;
+  while (first_seen_ < static_cast<int>(kept.size()) && !kept[first_seen_].sees_landmarks) ++first_seen_;
+  first_scalar_ = first_seen_ < static_cast<int>(kept.size()) ? kept[first_seen_].offset : structure.kept_dim();
+  panel_rows_ = structure.kept_dim() - first_scalar_;
+  double sparse = 0.0, tall = 0.0;
+  for (const LandmarkBlock& l : structure.landmarks()) {
+    sparse += double(l.dim) * l.rows * (l.rows + 1);
+    tall += double(l.dim) * (panel_rows_ + 1) * (panel_rows_ + 2);
+  }
+  // One product runs several times faster than scattered blocks.
+  dense_ = !structure.landmarks().empty() && panel_rows_ <= kLargestPanel && tall <= 4.0 * sparse;
+  flops_ = dense_ ? tall : sparse;
+  const int n = static_cast<int>(structure.landmarks().size());
+  slices_ = !dense_ && sparse > 4e6 ? 2 : 1;
+  cuts_.assign(1, 0);
+  double done = 0.0;
+  for (int i = 0; i < n && static_cast<int>(cuts_.size()) < slices_; ++i) {
+    const LandmarkBlock& l = structure.landmarks()[i];
+    done += double(l.dim) * l.rows * (l.rows + 1);
+    if (done >= sparse * static_cast<double>(cuts_.size()) / slices_) cuts_.push_back(i + 1);
+  }
+  while (static_cast<int>(cuts_.size()) < slices_) cuts_.push_back(n);
+  cuts_.push_back(n);
+  if (static_cast<int>(slice_z_.size()) < slices_) {
+    slice_z_.resize(slices_);
+    slice_rhs_.resize(slices_);
+    slice_undetermined_.resize(slices_);
+  }
+  int largest = 0;
+  for (const LandmarkBlock& l : structure.landmarks()) largest = std::max(largest, l.dim * (l.rows + 8));
+  for (auto& z : slice_z_)
+    if (static_cast<int>(z.size()) < largest) z.resize(largest);
+  if (slices_ > 1) slice_s_.reserve((slices_ - 1) * structure.factorization().storage_size());
+  if (dense_) {
+    const std::int64_t ld = dense::leading_dimension(panel_rows_ + 1);
+    panel_.reserve(ld * (kPanelColumns + kLargestLandmark));
+    product_.reserve(ld * (panel_rows_ + 1 + 8));
+  }
+}
+
+void LandmarkSchur::reduce(const LinearStructure& structure, const LinearSystem& system, const double* damping,
+                           double* s, double* rhs, TaskPool* pool) {
+  const std::int64_t size = structure.factorization().storage_size();
+  undetermined_.clear();
+  std::copy_n(system.h.data(), size, s);
+  for (int i = 0; i < structure.kept_dim(); ++i) rhs[i] = -system.gradient[i];
+  if (structure.landmarks().empty()) return;
+  if (dense_) return reduce_panel(structure, system, damping, s, rhs);
+  parallel_for(pool, slices_, [&](int k, int) {
+    double* sk = k == 0 ? s : slice_s_.data() + (k - 1) * size;
+    if (k > 0) std::fill_n(sk, size, 0.0);
+    slice_rhs_[k].assign(structure.kept_dim(), 0.0);
+    reduce_slice(structure, system, damping, k, sk, slice_rhs_[k].data());
+  });
+  for (int k = 0; k < slices_; ++k) {  // in the order of slices, whoever computed them
+    if (k > 0) dense::add(s, slice_s_.data() + (k - 1) * size, static_cast<int>(size));
+    for (int i = 0; i < structure.kept_dim(); ++i) rhs[i] += slice_rhs_[k][i];
+    undetermined_.insert(undetermined_.end(), slice_undetermined_[k].begin(), slice_undetermined_[k].end());
+  }
+}
+
+void LandmarkSchur::reduce_slice(const LinearStructure& structure, const LinearSystem& system, const double* damping,
+                                 int slice, double* s, double* rhs) {
+  const auto& kept = structure.kept();
+  slice_undetermined_[slice].clear();
+  double* z = slice_z_[slice].data();
+  for (int n = cuts_[slice]; n < cuts_[slice + 1]; ++n) {
+    const LandmarkBlock& l = structure.landmarks()[n];
+    const double* data = system.landmarks.data();
+    const SmallCholesky c(data + l.v(), damping + l.offset, l.dim);
+    for (int k = 0; k < l.dim; ++k)
+      if (c.undetermined >> k & 1) slice_undetermined_[slice].push_back(l.offset + k);
+    const std::int64_t ld = l.rows;
+    make_z(c, data + l.w(), l.rows, z, ld);
+    double y[kLargestLandmark];
+    for (int k = 0; k < l.dim; ++k) y[k] = -system.gradient[l.offset + k];
+    c.forward(y);
+    const std::int32_t* neighbour = structure.neighbours().data() + l.first_neighbour;
+    const BlockAddress* at = structure.landmark_pairs().data() + l.first_pair;
+    int row = 0;
+    for (int a = 0; a < l.neighbours; ++a) {
+      const KeptBlock& x = kept[neighbour[a]];
+      const double* za = z + row;
+      for (int k = 0; k < l.dim; ++k)
+        for (int i = 0; i < x.dim; ++i) rhs[x.offset + i] -= za[k * ld + i] * y[k];
+      int other = 0;
+      for (int b = 0; b <= a; ++b, ++at) {
+        const int db = kept[neighbour[b]].dim;
+        const double* zb = z + other;
+        const BlockKernel kernel = db == x.dim ? find_kernel(db, l.dim) : nullptr;
+        if (kernel != nullptr)  // a transposed block takes the product with its sides exchanged
+          kernel(at->transposed ? zb : za, at->transposed ? za : zb, ld, s + at->offset, at->ld);
+        else
+          subtract_any(za, zb, ld, x.dim, db, l.dim, s + at->offset, *at);
+        other += db;
+      }
+      row += x.dim;
+    }
+  }
+}
+
+void LandmarkSchur::reduce_panel(const LinearStructure& structure, const LinearSystem& system, const double* damping,
+                                 double* s, double* rhs) {
+  const auto& kept = structure.kept();
+  const int rows = panel_rows_ + 1;  // the last row is the right-hand side
+  const std::int64_t ld = dense::leading_dimension(rows);
+  double* z = panel_.data();
+  std::fill_n(product_.data(), ld * rows, 0.0);
+  int columns = 0;
+  auto flush = [&] {
+    if (columns > 0) dense::syrk_lower_minus(product_.data(), ld, rows, z, ld, columns);
+    columns = 0;
+  };
+  for (const LandmarkBlock& l : structure.landmarks()) {
+    const double* data = system.landmarks.data();
+    const SmallCholesky c(data + l.v(), damping + l.offset, l.dim);
+    for (int k = 0; k < l.dim; ++k)
+      if (c.undetermined >> k & 1) undetermined_.push_back(l.offset + k);
+    double y[kLargestLandmark];
+    for (int k = 0; k < l.dim; ++k) y[k] = -system.gradient[l.offset + k];
+    c.forward(y);
+    double* zl = z + columns * ld;
+    std::fill_n(zl, ld * l.dim, 0.0);
+    int row = 0;
+    for (int a = 0; a < l.neighbours; ++a) {
+      const KeptBlock& x = kept[structure.neighbours()[l.first_neighbour + a]];
+      const double* w = data + l.w() + row;
+      double* za = zl + x.offset - first_scalar_;
+      for (int i = 0; i < x.dim; ++i) {
+        double t[kLargestLandmark];
+        for (int k = 0; k < l.dim; ++k) t[k] = w[std::int64_t{k} * l.rows + i];
+        c.forward(t);
+        for (int k = 0; k < l.dim; ++k) za[k * ld + i] = t[k];
+      }
+      row += x.dim;
+    }
+    for (int k = 0; k < l.dim; ++k) zl[k * ld + panel_rows_] = y[k];
+    columns += l.dim;
+    if (columns >= kPanelColumns) flush();
+  }
+  flush();
+  subtract_panel(structure, s, rhs);
+}
+
+// The product holds -Z Zᵀ; its last row -Z y.
+void LandmarkSchur::subtract_panel(const LinearStructure& structure, double* s, double* rhs) {
+  const auto& kept = structure.kept();
+  const std::int64_t ld = dense::leading_dimension(panel_rows_ + 1);
+  for (int i = first_seen_; i < static_cast<int>(kept.size()); ++i)
+    for (int j = first_seen_; j <= i; ++j) {
+      if (!structure.factorization().has(i, j)) continue;
+      const BlockAddress at = structure.address(i, j);
+      const double* p = product_.data() + (kept[j].offset - first_scalar_) * ld + (kept[i].offset - first_scalar_);
+      for (int c = 0; c < kept[j].dim; ++c)
+        for (int r = 0; r < kept[i].dim; ++r)
+          s[at.offset + (at.transposed ? std::int64_t{r} * at.ld + c : std::int64_t{c} * at.ld + r)] += p[c * ld + r];
+    }
+  for (int i = 0; i < panel_rows_; ++i) rhs[first_scalar_ + i] += product_.data()[i * ld + panel_rows_];
+}
+
+void LandmarkSchur::back_substitute(const LinearStructure& structure, const LinearSystem& system,
+                                    const double* damping, double* step, TaskPool* pool) const {
+  const auto& kept = structure.kept();
+  parallel_for(pool, slices_, [&](int slice, int) {
+    for (int n = cuts_[slice]; n < cuts_[slice + 1]; ++n) {
+      const LandmarkBlock& l = structure.landmarks()[n];
+      const double* data = system.landmarks.data();
+      const SmallCholesky c(data + l.v(), damping + l.offset, l.dim);
+      double x[kLargestLandmark];
+      for (int k = 0; k < l.dim; ++k) x[k] = -system.gradient[l.offset + k];
+      const double* w = data + l.w();
+      for (int a = 0; a < l.neighbours; ++a) {
+        const KeptBlock& b = kept[structure.neighbours()[l.first_neighbour + a]];
+        for (int k = 0; k < l.dim; ++k)
+          for (int i = 0; i < b.dim; ++i) x[k] -= w[std::int64_t{k} * l.rows + i] * step[b.offset + i];
+        w += b.dim;
+      }
+      c.forward(x);
+      c.backward(x);
+      for (int k = 0; k < l.dim; ++k) step[l.offset + k] = x[k];
+    }
+  });
+}
+
+}  // namespace oriel

@@ -1,0 +1,47 @@
+// Landmarks are eliminated before anything else (Triggs et al., "Bundle Adjustment: A Modern Synthesis", 2000, §6.1):
+//   S = H - Σ W (V + D)⁻¹ Wᵀ,   b' = b - Σ W (V + D)⁻¹ b_l,   x_l = (V + D)⁻¹ (b_l - Wᵀ x).
+// Two ways to the same sums, chosen by their flops: block by block, or — where most landmarks are seen by most kept
+// variables, as in a window — all landmarks as columns of one tall matrix Z = W L⁻ᵀ, and one symmetric product.
+#pragma once
+#include <vector>
+
+#include "oriel/linear/linearize.h"
+
+namespace oriel {
+
+class LandmarkSchur {
+ public:
+  // Decides how, and sizes the workspace. Once a structure.
+  void prepare(const LinearStructure& structure);
+
+  // S (the layout of H) and the reduced right-hand side; b = -gradient (kept, then landmarks), damping by scalar.
+  void reduce(const LinearStructure& structure, const LinearSystem& system, const double* damping, double* s,
+              double* rhs, TaskPool* pool);
+  // Landmark part of the step, from its kept part.
+  void back_substitute(const LinearStructure& structure, const LinearSystem& system, const double* damping, double* step,
+                       TaskPool* pool) const;
+
+  bool dense() const { return dense_; }
+  double flops() const { return flops_; }
+  // Scalars of landmarks that nothing determines at the last reduce: their component of the step is 0.
+  const std::vector<int>& undetermined() const { return undetermined_; }
+
+ private:
+  void reduce_slice(const LinearStructure& structure, const LinearSystem& system, const double* damping, int slice,
+                    double* s, double* rhs);
+  void reduce_panel(const LinearStructure& structure, const LinearSystem& system, const double* damping, double* s,
+                    double* rhs);
+  void subtract_panel(const LinearStructure& structure, double* s, double* rhs);
+
+  bool dense_ = false;
+  double flops_ = 0.0;
+  int first_seen_ = 0, first_scalar_ = 0, panel_rows_ = 0;  // kept blocks from first_seen_ on see landmarks
+  int slices_ = 1;
+  std::vector<int> cuts_;  // landmarks of slice k: [cuts_[k], cuts_[k + 1])
+  AlignedBuffer panel_, product_, slice_s_;
+  std::vector<std::vector<double>> slice_rhs_, slice_z_;
+  std::vector<std::vector<int>> slice_undetermined_;
+  std::vector<int> undetermined_;
+};
+
+}  // namespace oriel

@@ -1,0 +1,71 @@
+// The linear problem at a point: costs, gradient, H, and the blocks of landmarks.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "oriel/graph/graph.h"
+#include "oriel/linear/aligned_buffer.h"
+#include "oriel/linear/point.h"
+#include "oriel/linear/structure.h"
+#include "oriel/linear/task_pool.h"
+
+namespace oriel {
+
+// H (kept with kept, in the layout of the factorization), g = Jᵀr (kept, then landmarks), and for each landmark V, g, W.
+struct LinearSystem {
+  AlignedBuffer h;
+  std::vector<double> gradient;  // of the cost by the step, dim() values; those of landmarks too
+  AlignedBuffer landmarks;
+  std::vector<double> diagonal;  // of the whole H, dim() values
+};
+
+// Which factors count, and what each costs, at one point (decision 12).
+struct ActiveSet {
+  std::vector<std::uint64_t> valid, not_finite_mask;  // a batch each
+  std::vector<double> cost;          // ½ρ by row, 64 a batch
+  double prior_cost = 0.0;
+  double total = 0.0;
+  std::int64_t invalid = 0, not_finite = 0;  // rows
+};
+
+class Linearizer {
+ public:
+  // Jacobians at first estimates where there are any (decision 9).
+  bool first_estimates = true;
+
+  // What every factor costs at the point. With `frozen`, its factors count and no others: one that is invalid here is
+  // charged what it cost there.
+  void evaluate(const Graph& graph, const LinearStructure& structure, const Point& point, const ActiveSet* frozen,
+                ActiveSet& out, TaskPool* pool);
+
+  // The system at the point, over the factors that are valid there.
+  void linearize(const Graph& graph, const LinearStructure& structure, const Point& point, LinearSystem& out,
+                 TaskPool* pool);
+
+  std::int64_t kernel_fallbacks() const { return kernel_fallbacks_; }
+  // Rows whose Jacobian was not finite at the last linearization though their residual was.
+  std::int64_t not_finite() const { return not_finite_; }
+
+ private:
+  void lay_out(const LinearStructure& structure);
+  void run_batch(const Graph& graph, const TablePlan& plan, const Point& point, std::size_t first, bool jacobians,
+                 double* r, double* j, Batch& batch) const;
+  double prior_cost(const Graph& graph, const LinearStructure& structure, const Point& point);
+  void add_prior_gradients(const Graph& graph, const LinearStructure& structure, const Point& point, LinearSystem& out);
+  void sum_prior_hessians(const Graph& graph, const LinearStructure& structure);
+  void prior_error(const Graph& graph, const PriorPlan& plan, const Point& point);
+  void linearize_in_turn(const Graph& graph, const LinearStructure& structure, const Point& point, LinearSystem& out);
+  void linearize_apart(const Graph& graph, const LinearStructure& structure, const Point& point, LinearSystem& out,
+                       TaskPool* pool);
+  void copy_diagonal(const LinearStructure& structure, LinearSystem& out) const;
+
+  std::vector<AlignedBuffer> scratch_;  // one a worker: r and J of a batch
+  AlignedBuffer stored_;                // r and J of all batches, where several workers share the work
+  std::vector<Batch> batches_;
+  std::vector<double> error_, residual_;  // of a prior
+  AlignedBuffer prior_h_;                 // RᵀR of all priors: a cache, made once a structure
+  std::uint64_t prior_h_structure_ = 0;
+  std::int64_t kernel_fallbacks_ = 0, not_finite_ = 0;
+};
+
+}  // namespace oriel

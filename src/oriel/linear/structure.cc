@@ -1,0 +1,366 @@
+#include "oriel/linear/structure.h"
+
+#include <algorithm>
+
+namespace oriel {
+namespace {
+
+constexpr int kSmallTable = 160;  // kept blocks up to which addresses of all pairs are tabulated
+constexpr int kGivenOrder = 96;   // kept blocks up to which a problem with landmarks needs no ordering search
+
+}  // namespace
+
+Result<void> LinearStructure::build(const Graph& graph, const FactorOptions& options) {
+  ++version_;
+  number_variables(graph);
+  demote_landmarks(graph);
+  collect_rows(graph);
+  number_kept(graph);
+  plan_priors(graph);
+  for (std::size_t t = 0; t < plan_count_; ++t) plan_table(*plans_[t].table, plans_[t]);
+  find_neighbours();
+  place_landmarks();
+  if (auto ok = analyze(options); !ok) return ok;
+  place_pairs();
+  place_landmark_pairs();
+  return {};
+}
+
+// First guess: everything that is free and of a landmark type is eliminated.
+void LinearStructure::number_variables(const Graph& graph) {
+  const auto& pools = graph.pools();
+  targets_.resize(pools.size());
+  offsets_.resize(pools.size());
+  pool_order_.resize(pools.size());
+  for (std::size_t p = 0; p < pools.size(); ++p) pool_order_[p] = static_cast<std::uint32_t>(p);
+  std::sort(pool_order_.begin(), pool_order_.end(),
+            [&](auto a, auto b) { return pools[a]->ops().name < pools[b]->ops().name; });
+  for (std::size_t p = 0; p < pools.size(); ++p) {
+    const VariablePool& pool = *pools[p];
+    targets_[p].assign(pool.extent(), {});
+    offsets_[p].assign(pool.extent(), -1);
+    if (pool.ops().dim == 0) continue;
+    for (std::uint32_t d = 0; d < pool.extent(); ++d)
+      if (pool.slots().is_live(d) && !pool.fixed(d))
+        targets_[p][d].kind = pool.ops().landmark ? Target::Kind::landmark : Target::Kind::kept;
+  }
+}
+
+// Of two landmarks in one factor the second is kept, and so is each that a prior touches.
+void LinearStructure::demote_landmarks(const Graph& graph) {
+  const PriorTable& priors = graph.priors();
+  for (std::uint32_t r = 0; r < priors.extent(); ++r) {
+    if (!priors.slots().is_live(r)) continue;
+    for (const VariableRef& ref : priors.variables(r)) {
+      Target& t = targets_[ref.pool][graph.pools()[ref.pool]->slots().dense(ref.slot)];
+      if (t.kind == Target::Kind::landmark) t.kind = Target::Kind::kept;
+    }
+  }
+  for (const auto& table : graph.tables()) {
+    int landmark_arguments = 0;
+    for (const VariableOps* v : table->ops().variables) landmark_arguments += v->landmark;
+    if (landmark_arguments < 2) continue;
+    for (std::uint32_t r = 0; r < table->extent(); ++r) {
+      if (!table->slots().is_live(r)) continue;
+      bool first = true;
+      for (const VariableRef& ref : table->variables(r)) {
+        Target& t = targets_[ref.pool][graph.pools()[ref.pool]->slots().dense(ref.slot)];
+        if (t.kind != Target::Kind::landmark) continue;
+        if (!first) t.kind = Target::Kind::kept;
+        first = false;
+      }
+    }
+  }
+}
+
+void LinearStructure::collect_rows(const Graph& graph) {
+  const auto& tables = graph.tables();
+  table_order_.clear();
+  for (std::uint32_t t = 0; t < tables.size(); ++t)
+    if (tables[t]->slots().size() > 0) table_order_.push_back(t);
+  std::sort(table_order_.begin(), table_order_.end(), [&](auto a, auto b) {
+    const FactorOps &x = tables[a]->ops(), &y = tables[b]->ops();
+    return x.residual != y.residual ? x.residual < y.residual : x.noise < y.noise;
+  });
+  plan_count_ = table_order_.size();
+  if (plans_.size() < plan_count_) plans_.resize(plan_count_);
+  row_count_ = 0;
+  for (std::size_t i = 0; i < plan_count_; ++i) {
+    TablePlan& plan = plans_[i];
+    const FactorTable& table = *tables[table_order_[i]];
+    plan.table = &table;
+    plan.arguments.clear();
+    plan.rows.clear();
+    plan.dense.clear();
+    for (std::uint32_t r = 0; r < table.extent(); ++r) {
+      if (!table.slots().is_live(r)) continue;
+      plan.rows.push_back(r);
+      for (const VariableRef& ref : table.variables(r)) plan.dense.push_back(graph.pools()[ref.pool]->slots().dense(ref.slot));
+    }
+    row_count_ += plan.rows.size();
+    int column = 0;
+    const auto refs = table.variables(plan.rows.front());
+    for (int k = 0; k < table.arity(); ++k) {
+      const VariableOps& ops = *table.ops().variables[k];
+      if (ops.dim > 0) plan.arguments.push_back({k, ops.dim, column, refs[k].pool, ops.landmark});
+      column += ops.dim;
+    }
+  }
+}
+
+// Kept blocks: first those that no landmark's factor touches (velocities and biases: the chain of a window), then the
+// rest; each in the order of serials, so that states that were born together stand together.
+void LinearStructure::number_kept(const Graph& graph) {
+  for (std::size_t i = 0; i < plan_count_; ++i) {
+    const TablePlan& plan = plans_[i];
+    const bool landmarks = std::any_of(plan.arguments.begin(), plan.arguments.end(), [](auto& a) { return a.landmark_type; });
+    if (!landmarks) continue;
+    const int arity = plan.table->arity();
+    for (std::size_t r = 0; r < plan.rows.size(); ++r) {
+      bool touches = false;
+      for (const auto& a : plan.arguments)
+        touches = touches || targets_[a.pool][plan.dense[r * arity + a.arg]].kind == Target::Kind::landmark;
+      if (!touches) continue;
+      for (const auto& a : plan.arguments) targets_[a.pool][plan.dense[r * arity + a.arg]].index = 0;  // marks it as seen
+    }
+  }
+  kept_.clear();
+  landmarks_.clear();
+  for (const std::uint32_t p : pool_order_) {
+    const VariablePool& pool = *graph.pools()[p];
+    for (std::uint32_t d = 0; d < pool.extent(); ++d) {
+      const Target& t = targets_[p][d];
+      if (t.kind == Target::Kind::kept) kept_.push_back({pool.ops().dim, 0, p, d, t.index == 0});
+      if (t.kind == Target::Kind::landmark) {
+        LandmarkBlock& l = landmarks_.emplace_back();
+        l.dim = pool.ops().dim, l.pool = p, l.dense = d;
+      }
+    }
+  }
+  auto serial = [&](const KeptBlock& b) { return graph.pools()[b.pool]->slots().serial(b.dense); };
+  auto before = [&](const KeptBlock& a, const KeptBlock& b) {
+    return a.sees_landmarks != b.sees_landmarks ? b.sees_landmarks : serial(a) < serial(b);
+  };
+  if (!std::is_sorted(kept_.begin(), kept_.end(), before)) std::sort(kept_.begin(), kept_.end(), before);
+  int offset = 0;
+  for (std::size_t i = 0; i < kept_.size(); ++i) {
+    kept_[i].offset = offset;
+    targets_[kept_[i].pool][kept_[i].dense] = {Target::Kind::kept, static_cast<std::int32_t>(i), offset};
+    offsets_[kept_[i].pool][kept_[i].dense] = offset;
+    offset += kept_[i].dim;
+  }
+  kept_dim_ = offset;
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    LandmarkBlock& l = landmarks_[i];
+    l.offset = offset;
+    targets_[l.pool][l.dense] = {Target::Kind::landmark, static_cast<std::int32_t>(i), offset};
+    offsets_[l.pool][l.dense] = offset;
+    offset += l.dim;
+  }
+  dim_ = offset;
+}
+
+void LinearStructure::plan_priors(const Graph& graph) {
+  const PriorTable& table = graph.priors();
+  prior_count_ = table.slots().size();
+  if (priors_.size() < prior_count_) priors_.resize(prior_count_);
+  std::size_t i = 0;
+  for (std::uint32_t r = 0; r < table.extent(); ++r) {
+    if (!table.slots().is_live(r)) continue;
+    PriorPlan& plan = priors_[i++];
+    plan.row = r;
+    plan.targets.clear();
+    plan.columns.clear();
+    plan.pool.clear();
+    plan.dense.clear();
+    int column = 0;
+    for (const VariableRef& ref : table.variables(r)) {
+      const VariablePool& pool = *graph.pools()[ref.pool];
+      const std::uint32_t d = pool.slots().dense(ref.slot);
+      plan.targets.push_back(targets_[ref.pool][d]);
+      plan.columns.push_back(column);
+      plan.pool.push_back(ref.pool);
+      plan.dense.push_back(d);
+      column += pool.ops().dim;
+    }
+    plan.columns.push_back(column);
+  }
+}
+
+void LinearStructure::plan_table(const FactorTable& table, TablePlan& plan) {
+  const std::size_t rows = plan.rows.size(), n = plan.arguments.size(), arity = static_cast<std::size_t>(table.arity());
+  plan.targets.resize(rows * n);
+  plan.landmark.resize(rows);
+  for (std::size_t r = 0; r < rows; ++r) {
+    std::int32_t landmark = -1;
+    for (std::size_t a = 0; a < n; ++a) {
+      const auto& argument = plan.arguments[a];
+      const Target& t = targets_[argument.pool][plan.dense[r * arity + static_cast<std::size_t>(argument.arg)]];
+      plan.targets[r * n + a] = t;
+      if (t.kind == Target::Kind::landmark) landmark = t.index;
+    }
+    plan.landmark[r] = landmark;
+  }
+}
+
+// For each landmark, the kept blocks that share a factor with it, ascending and once each.
+void LinearStructure::find_neighbours() {
+  sightings_.clear();
+  for (std::size_t i = 0; i < plan_count_; ++i) {
+    const TablePlan& plan = plans_[i];
+    const std::size_t n = plan.arguments.size();
+    for (std::size_t r = 0; r < plan.rows.size(); ++r) {
+      if (plan.landmark[r] < 0) continue;
+      for (std::size_t a = 0; a < n; ++a) {
+        const Target& t = plan.targets[r * n + a];
+        if (t.kind == Target::Kind::kept) sightings_.emplace_back(plan.landmark[r], t.index);
+      }
+    }
+  }
+  count_.assign(landmarks_.size() + 1, 0);  // counting sort by landmark; short lists are sorted in place
+  for (const auto& s : sightings_) ++count_[s.first + 1];
+  for (std::size_t l = 0; l < landmarks_.size(); ++l) count_[l + 1] += count_[l];
+  neighbours_.resize(sightings_.size());
+  for (std::size_t l = 0; l < landmarks_.size(); ++l) landmarks_[l].first_neighbour = count_[l];
+  for (const auto& s : sightings_) neighbours_[count_[s.first]++] = s.second;
+  std::int32_t end = 0;
+  for (std::size_t l = 0; l < landmarks_.size(); ++l) {
+    LandmarkBlock& b = landmarks_[l];
+    const auto first = neighbours_.begin() + b.first_neighbour, last = neighbours_.begin() + count_[l];
+    std::sort(first, last);
+    const auto unique_end = std::unique(first, last);
+    b.neighbours = static_cast<std::int32_t>(unique_end - first);
+    std::copy(first, unique_end, neighbours_.begin() + end);
+    b.first_neighbour = end;
+    end += b.neighbours;
+  }
+  neighbours_.resize(end);
+}
+
+void LinearStructure::place_landmarks() {
+  landmark_store_ = 0;
+  for (LandmarkBlock& l : landmarks_) {
+    l.rows = 0;
+    for (int k = 0; k < l.neighbours; ++k) l.rows += kept_[neighbours_[l.first_neighbour + k]].dim;
+    l.data = landmark_store_;
+    landmark_store_ += l.dim * l.dim + l.dim + std::int64_t{l.rows} * l.dim;
+  }
+  for (std::size_t i = 0; i < plan_count_; ++i) {
+    TablePlan& plan = plans_[i];
+    const std::size_t n = plan.arguments.size();
+    plan.panel_row.resize(plan.rows.size() * n);
+    for (std::size_t r = 0; r < plan.rows.size(); ++r) {
+      if (plan.landmark[r] < 0) continue;
+      const LandmarkBlock& l = landmarks_[plan.landmark[r]];
+      for (std::size_t a = 0; a < n; ++a) {
+        const Target& t = plan.targets[r * n + a];
+        if (t.kind != Target::Kind::kept) continue;
+        std::int32_t row = 0;
+        for (const std::int32_t* b = &neighbours_[l.first_neighbour]; *b != t.index; ++b) row += kept_[*b].dim;
+        plan.panel_row[r * n + a] = row;
+      }
+    }
+  }
+}
+
+void LinearStructure::connect(int i, int j) {
+  if (connected_.empty()) {
+    pattern_.connect(i, j);
+    return;
+  }
+  char& c = connected_[static_cast<std::size_t>(i) * kept_.size() + j];
+  if (c) return;
+  c = 1;
+  pattern_.connect(i, j);
+}
+
+Result<void> LinearStructure::analyze(const FactorOptions& options) {
+  dims_.clear();
+  for (const KeptBlock& b : kept_) dims_.push_back(b.dim);
+  pattern_.reset(dims_);
+  connected_.clear();
+  if (kept_.size() <= kSmallTable) connected_.assign(kept_.size() * kept_.size(), 0);
+  for (std::size_t i = 0; i < plan_count_; ++i) {
+    const TablePlan& plan = plans_[i];
+    const std::size_t n = plan.arguments.size();
+    for (std::size_t r = 0; r < plan.rows.size(); ++r) {
+      if (plan.landmark[r] >= 0) continue;  // its neighbours are connected below
+      for (std::size_t a = 1; a < n; ++a)
+        for (std::size_t b = 0; b < a; ++b) {
+          const Target &x = plan.targets[r * n + a], &y = plan.targets[r * n + b];
+          if (x.kind == Target::Kind::kept && y.kind == Target::Kind::kept) connect(x.index, y.index);
+        }
+    }
+  }
+  for (std::size_t i = 0; i < prior_count_; ++i)
+    for (const Target& x : priors_[i].targets)
+      for (const Target& y : priors_[i].targets)
+        if (x.kind == Target::Kind::kept && y.kind == Target::Kind::kept && x.index > y.index) connect(x.index, y.index);
+  for (const LandmarkBlock& l : landmarks_)
+    for (int a = 1; a < l.neighbours; ++a)
+      for (int b = 0; b < a; ++b) connect(neighbours_[l.first_neighbour + a], neighbours_[l.first_neighbour + b]);
+  pattern_.finish();
+  FactorOptions chosen = options;
+  order_.clear();
+  if (!landmarks_.empty() && kept_.size() <= kGivenOrder && options.ordering == OrderingMethod::automatic) {
+    chosen.ordering = OrderingMethod::given;
+    for (std::size_t i = 0; i < kept_.size(); ++i) order_.push_back(static_cast<int>(i));
+  }
+  if (auto ok = factorization_.analyze(pattern_, chosen, order_); !ok) return ok;
+  small_table_.clear();
+  if (connected_.empty() || kept_.empty()) return {};
+  const int n = static_cast<int>(kept_.size());
+  small_table_.resize(static_cast<std::size_t>(n) * n);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j)
+      if (factorization_.has(i, j)) small_table_[static_cast<std::size_t>(i) * n + j] = factorization_.address(i, j);
+  return {};
+}
+
+BlockAddress LinearStructure::address(int i, int j) const {
+  if (!small_table_.empty()) return small_table_[static_cast<std::size_t>(i) * kept_.size() + j];
+  return factorization_.address(i, j);
+}
+
+void LinearStructure::place_pairs() {
+  for (std::size_t t = 0; t < plan_count_; ++t) {
+    TablePlan& plan = plans_[t];
+    const std::size_t n = plan.arguments.size(), pairs = n * (n + 1) / 2;
+    plan.pairs.assign(plan.rows.size() * pairs, {});
+    for (std::size_t r = 0; r < plan.rows.size(); ++r) {
+      PairAddress* out = &plan.pairs[r * pairs];
+      for (std::size_t a = 0; a < n; ++a)
+        for (std::size_t b = 0; b <= a; ++b, ++out) {
+          const Target &x = plan.targets[r * n + a], &y = plan.targets[r * n + b];
+          if (x.kind != Target::Kind::kept || y.kind != Target::Kind::kept) continue;
+          const BlockAddress at = address(x.index, y.index);
+          *out = {at.offset, at.ld, at.transposed ? PairAddress::Kind::transposed : PairAddress::Kind::stored};
+          if (a != b && x.index == y.index) out->kind = PairAddress::Kind::diagonal_twice;
+        }
+    }
+  }
+}
+
+void LinearStructure::place_landmark_pairs() {
+  landmark_pairs_.clear();
+  for (LandmarkBlock& l : landmarks_) {
+    l.first_pair = static_cast<std::int64_t>(landmark_pairs_.size());
+    for (int a = 0; a < l.neighbours; ++a)
+      for (int b = 0; b <= a; ++b)
+        landmark_pairs_.push_back(address(neighbours_[l.first_neighbour + a], neighbours_[l.first_neighbour + b]));
+  }
+}
+
+void LinearStructure::locate(int s, std::uint32_t& pool, std::uint32_t& dense, int& within) const {
+  auto find = [&](const auto& blocks) {
+    auto after = std::upper_bound(blocks.begin(), blocks.end(), s, [](int at, const auto& b) { return at < b.offset; });
+    const auto& b = *std::prev(after);
+    pool = b.pool, dense = b.dense, within = s - b.offset;
+  };
+  if (s < kept_dim_)
+    find(kept_);
+  else
+    find(landmarks_);
+}
+
+}  // namespace oriel

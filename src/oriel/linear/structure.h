@@ -1,0 +1,143 @@
+// LinearStructure: from a graph to the linear problem's layout, a pure function of the live graph (decision 5). Which
+// variables are kept and which are eliminated as landmarks, in which order rows are evaluated, and where every block of
+// every factor is added. Rebuilt linearly inside its capacity when the graph's structure changes.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "oriel/graph/graph.h"
+#include "oriel/linear/multifrontal.h"
+
+namespace oriel {
+
+// Where a variable stands in the linear problem.
+struct Target {
+  enum class Kind : std::uint8_t { fixed, kept, landmark };
+  Kind kind = Kind::fixed;
+  std::int32_t index = -1;   // of the kept block, or of the landmark
+  std::int32_t offset = -1;  // of its first scalar in a step: kept ones first, then landmarks
+};
+
+// Where the product of two columns of a factor's Jacobian is added.
+struct PairAddress {
+  enum class Kind : std::uint8_t { none, stored, transposed, diagonal_twice };
+  std::int64_t offset = 0;
+  std::int32_t ld = 0;
+  Kind kind = Kind::none;
+};
+
+// One table of factors, as the linearization runs through it.
+struct TablePlan {
+  struct Argument {
+    int arg = 0;     // of the residual
+    int dim = 0;     // > 0: constants have no columns
+    int column = 0;  // of the Jacobian
+    std::uint32_t pool = 0;
+    bool landmark_type = false;
+  };
+  const FactorTable* table = nullptr;
+  std::vector<Argument> arguments;  // those with columns
+  std::vector<std::uint32_t> rows;  // live rows in the order of serials; batches are cut by 64
+  std::vector<std::uint32_t> dense;   // rows × arity: where the values stand
+  std::vector<Target> targets;        // rows × arguments
+  std::vector<PairAddress> pairs;     // rows × arguments (arguments + 1) / 2: kept with kept, (a, b ≤ a)
+  std::vector<std::int32_t> landmark;  // rows: the landmark that the row touches, or -1
+  std::vector<std::int32_t> panel_row;  // rows × arguments: row of a kept argument in its landmark's panel
+};
+
+// An eliminated variable: V (dim × dim), g (dim) and W (rows × dim, column-major) stand one after the other.
+struct LandmarkBlock {
+  std::int32_t dim = 0, rows = 0;        // rows: scalars of all kept variables that share a factor with it
+  std::int32_t offset = 0;               // in a step
+  std::int64_t data = 0;                 // in the landmark store: V, then g, then W
+  std::int32_t first_neighbour = 0, neighbours = 0;  // slice of neighbours()
+  std::int64_t first_pair = 0;           // slice of pair addresses: neighbours (i, j ≤ i), row by row
+  std::uint32_t pool = 0, dense = 0;
+
+  std::int64_t v() const { return data; }
+  std::int64_t g() const { return data + dim * dim; }
+  std::int64_t w() const { return data + dim * dim + dim; }
+};
+
+struct KeptBlock {
+  std::int32_t dim = 0, offset = 0;
+  std::uint32_t pool = 0, dense = 0;
+  bool sees_landmarks = false;
+};
+
+// A row of the prior table: its dense block is added to H once a structure.
+struct PriorPlan {
+  std::uint32_t row = 0;
+  std::vector<Target> targets;
+  std::vector<std::int32_t> columns;  // first column of each variable
+  std::vector<std::uint32_t> pool, dense;
+};
+
+class LinearStructure {
+ public:
+  // An error only if the numbers of a block overflow; never in practice.
+  Result<void> build(const Graph& graph, const FactorOptions& options);
+
+  // Grows with every build: what is cached about a structure is cached for one version.
+  std::uint64_t version() const { return version_; }
+  const std::vector<TablePlan>& plans() const { return plans_; }
+  std::size_t plan_count() const { return plan_count_; }
+  const std::vector<PriorPlan>& priors() const { return priors_; }
+  std::size_t prior_count() const { return prior_count_; }
+  const std::vector<KeptBlock>& kept() const { return kept_; }
+  const std::vector<LandmarkBlock>& landmarks() const { return landmarks_; }
+  const std::vector<std::int32_t>& neighbours() const { return neighbours_; }
+  const std::vector<BlockAddress>& landmark_pairs() const { return landmark_pairs_; }
+  int kept_dim() const { return kept_dim_; }
+  int dim() const { return dim_; }  // of a step: kept and landmarks
+  std::int64_t landmark_store() const { return landmark_store_; }
+  std::size_t row_count() const { return row_count_; }
+  Multifrontal& factorization() { return factorization_; }
+  const Multifrontal& factorization() const { return factorization_; }
+  // Offset in a step by dense position, -1 for what does not move.
+  const std::vector<std::int32_t>& offsets(std::size_t pool) const { return offsets_[pool]; }
+  const Target& target(std::size_t pool, std::uint32_t dense) const { return targets_[pool][dense]; }
+  BlockAddress address(int i, int j) const;
+  // The variable to which scalar `s` of a step belongs: (pool, dense, scalar within it).
+  void locate(int s, std::uint32_t& pool, std::uint32_t& dense, int& within) const;
+
+ private:
+  void number_variables(const Graph& graph);
+  void demote_landmarks(const Graph& graph);
+  void collect_rows(const Graph& graph);
+  void plan_table(const FactorTable& table, TablePlan& plan);
+  void number_kept(const Graph& graph);
+  void plan_priors(const Graph& graph);
+  void find_neighbours();
+  void place_landmarks();
+  Result<void> analyze(const FactorOptions& options);
+  void connect(int i, int j);
+  void place_pairs();
+  void place_landmark_pairs();
+
+  std::vector<TablePlan> plans_;
+  std::vector<PriorPlan> priors_;
+  std::size_t plan_count_ = 0, prior_count_ = 0, row_count_ = 0;
+  std::vector<KeptBlock> kept_;
+  std::vector<LandmarkBlock> landmarks_;
+  std::vector<std::int32_t> neighbours_;
+  std::vector<BlockAddress> landmark_pairs_;
+  std::vector<std::vector<Target>> targets_;        // by pool and dense position
+  std::vector<std::vector<std::int32_t>> offsets_;  // the same, offsets alone
+  std::vector<std::uint32_t> pool_order_, table_order_;  // by name
+  std::uint64_t version_ = 0;
+  int kept_dim_ = 0, dim_ = 0;
+  std::int64_t landmark_store_ = 0;
+  Multifrontal factorization_;
+
+  // Scratch of build.
+  BlockPattern pattern_;
+  std::vector<int> dims_, order_;
+  std::vector<std::pair<std::int32_t, std::int32_t>> sightings_, sorted_sightings_;
+  std::vector<std::int32_t> count_;
+  std::vector<std::uint64_t> serials_;
+  std::vector<char> connected_;           // blocks × blocks, where that is small
+  std::vector<BlockAddress> small_table_;  // the same, addresses
+};
+
+}  // namespace oriel

@@ -1,0 +1,162 @@
+// Symbolic analysis of a block Cholesky factorization: from a pattern and an elimination order to fronts, their tree,
+// and all addresses. Everything that follows only reads it.
+//
+//   blocks → elimination tree (Liu 1986) → postorder → supernodes → amalgamation → fronts
+//
+// A front is a dense lower trapezoid: its pivot columns, and all rows that they reach (J. Liu, "The multifrontal method
+// for sparse matrix solution: theory and practice", SIAM Review 34, 1992).
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "oriel/linear/block_pattern.h"
+
+namespace oriel {
+
+// The unfactored matrix holds the connected blocks alone, one column-major slab for each block column: the diagonal
+// block on top, then the blocks of rows that are eliminated later. (Laid out as the factor it would be several times
+// larger, most of it zeros that every linearization would write and every factorization read.)
+//
+// Where block (i, j) of the matrix stands: element (r, c), r a row of block i and c a row of block j, is
+// data[offset + c·ld + r], or data[offset + r·ld + c] if the block is stored as its transpose.
+struct BlockAddress {
+  std::int64_t offset = 0;
+  std::int32_t ld = 0;
+  bool transposed = false;
+};
+
+struct Front {
+  int n = 0, p = 0;                          // scalar rows, scalar pivots (the first p rows)
+  int ld = 0, update_ld = 0;                 // leading dimensions of pivot columns and update matrix
+  std::int64_t offset = 0;                   // of the pivot columns, in the factor
+  std::int64_t update_offset = 0;            // of the update matrix, in its arena
+  int first_position = 0, pivot_blocks = 0;  // pivot blocks are positions [first, first + count) of the order
+  int rows_begin = 0, row_blocks = 0;        // blocks of the other rows: a slice of row_blocks()
+  int first_scalar = 0;                      // of the pivots, in elimination order
+  int parent = -1;
+  int runs_begin = 0, runs = 0;    // of the other rows, towards the parent: a slice of runs()
+  int spans_begin = 0, spans = 0;  // of the other rows, towards vectors: a slice of spans()
+  int task = -1;                   // subtree that holds it; -1: the top of the tree
+};
+
+// Consecutive rows of a front that are consecutive elsewhere, too: in the parent, on one side of its boundary between
+// pivots and other rows (a run); in a vector in elimination order (a span); or rows of a matrix column that are
+// consecutive in its front.
+struct Run {
+  int row = 0;    // first row
+  int other = 0;  // the same row elsewhere
+  int length = 0;
+};
+
+class Symbolic {
+ public:
+  // `order` is a permutation of the pattern's blocks: order[k] is eliminated k-th. The final order may differ from it
+  // by an equivalent one (a postorder of the tree).
+  void analyze(const BlockPattern& pattern, std::span<const int> order);
+
+  std::span<const Front> fronts() const { return fronts_; }  // children before parents
+  std::span<const int> order() const { return order_; }      // final: position → block
+  std::span<const int> row_blocks(const Front& f) const {
+    return {row_blocks_.data() + f.rows_begin, static_cast<std::size_t>(f.row_blocks)};
+  }
+  std::span<const Run> runs(const Front& f) const {
+    return {runs_.data() + f.runs_begin, static_cast<std::size_t>(f.runs)};
+  }
+  std::span<const Run> spans(const Front& f) const {
+    return {spans_.data() + f.spans_begin, static_cast<std::size_t>(f.spans)};
+  }
+  std::span<const int> children(int front) const {
+    return {children_.data() + children_begin_[front],
+            static_cast<std::size_t>(children_begin_[front + 1] - children_begin_[front])};
+  }
+  // Subtrees that are factored apart, one task each: fronts [first, last] are consecutive.
+  struct Subtree {
+    int first, last;
+  };
+  std::span<const Subtree> subtrees() const { return subtrees_; }
+
+  int blocks() const { return static_cast<int>(order_.size()); }
+  int total_dim() const { return total_dim_; }
+  int dim(int block) const { return dims_[block]; }
+  int input_offset(int block) const { return input_offset_[block]; }
+  int scalar(int block) const { return block_scalar_[block]; }           // first scalar of a block in elimination order
+  std::int64_t storage_size() const { return storage_size_; }            // [doubles] of the matrix
+  std::int64_t factor_size() const { return factor_size_; }              // [doubles] of the factor
+  std::int64_t task_arena_size() const { return task_arena_size_; }      // [doubles] update matrices of one subtree
+  std::int64_t shared_arena_size() const { return shared_arena_size_; }  // [doubles] those of the top
+  int largest_front() const { return largest_front_; }
+  double flops() const { return flops_; }  // of one factorization, explicit zeros included
+  double fill() const { return fill_; }    // doubles in the factor, padding excluded
+
+  // A block column of the matrix: where it starts, and its rows in the front, run by run.
+  struct MatrixColumn {
+    std::int64_t offset = 0;
+    int ld = 0;
+    int rows_begin = 0, row_blocks = 0;  // blocks below the diagonal, by elimination order
+    int runs_begin = 0, runs = 0;
+  };
+  const MatrixColumn& matrix_column(int block) const { return columns_[block]; }
+  std::span<const Run> runs(const MatrixColumn& column) const {
+    return {matrix_runs_.data() + column.runs_begin, static_cast<std::size_t>(column.runs)};
+  }
+
+  // Whether block (i, j) has a place: i == j, or the two were connected.
+  bool has(int i, int j) const;
+  // Place of block (i, j); only where has(i, j).
+  BlockAddress address(int i, int j) const;
+
+ private:
+  // A column of blocks or several with the same rows, before fronts are laid out.
+  struct Supernode {
+    int first_pivot, last_pivot;  // blocks, linked by next_pivot_
+    int rows_begin, rows;         // slice of super_rows_: blocks below the pivots
+    int n, p;                     // scalars
+    int parent, first_child, next_sibling;
+    bool absorbed;
+  };
+  // symbolic.cc: from the pattern to supernodes.
+  void set_dimensions(const BlockPattern& pattern, std::span<const int> order);
+  void make_tree(const BlockPattern& pattern);
+  void make_postorder();
+  void find_supernodes(const BlockPattern& pattern);
+  void gather_rows(const BlockPattern& pattern, int position);
+  bool join_child(int position);
+  void link_supernodes();
+  void amalgamate();
+  void absorb_children(Supernode& parent);
+  // symbolic_layout.cc: from supernodes to addresses.
+  void make_fronts();
+  void add_front(const Supernode& supernode);
+  void sort_rows();
+  void place_rows();
+  void link_fronts();
+  void make_runs();
+  void make_runs(Front& front);
+  void place_matrix(const BlockPattern& pattern);
+  void make_matrix_runs(int front);
+  void cut_subtrees();
+  void place_updates();
+  std::int64_t place_updates(int first, int last, int task, std::int64_t base);
+  int column_row(int column, int row) const;
+
+  int total_dim_ = 0, largest_front_ = 0;
+  std::int64_t storage_size_ = 0, factor_size_ = 0, task_arena_size_ = 0, shared_arena_size_ = 0;
+  double flops_ = 0, fill_ = 0;
+  std::vector<int> dims_, input_offset_, order_, position_, block_scalar_, front_of_block_;
+  std::vector<Front> fronts_;
+  std::vector<int> row_blocks_, row_offsets_;  // rows of each front: blocks by elimination order, their first row
+  std::vector<int> children_begin_, children_;
+  std::vector<Run> runs_, spans_, matrix_runs_;
+  std::vector<MatrixColumn> columns_;
+  std::vector<int> column_rows_, column_offsets_;  // row blocks of each matrix column, their first row in it
+  std::vector<Subtree> subtrees_;
+
+  // Scratch of analyze.
+  std::vector<int> parent_, ancestor_, head_, next_, stack_, seen_, rows_, super_rows_, super_of_, next_pivot_;
+  std::vector<int> bucket_begin_, bucket_, cursor_, depth_, local_row_, post_;
+  std::vector<double> subtree_flops_;
+  std::vector<Supernode> supers_;
+};
+
+}  // namespace oriel

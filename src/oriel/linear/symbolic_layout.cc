@@ -1,0 +1,261 @@
+// The second half of the symbolic analysis: where everything stands in memory.
+#include <algorithm>
+#include <utility>
+
+#include "oriel/linear/dense_kernels.h"
+#include "oriel/linear/symbolic.h"
+
+namespace oriel {
+namespace {
+
+// Subtrees are cut at this share of all flops, and only where there is enough work to be worth a task. Functions of
+// the structure, never of the number of threads.
+constexpr double kLargestTask = 1.0 / 12, kSmallestTask = 1.0 / 512;
+constexpr double kWorthTasks = 4e6;  // [flop]
+
+// Flops of p steps of Cholesky on n rows, lower triangle: Σ (n - j)², multiplications and additions.
+double front_flops(const Front& f) {
+  const double n = f.n, m = f.n - f.p;
+  return (n * (n + 1) * (2 * n + 1) - m * (m + 1) * (2 * m + 1)) / 6.0;
+}
+
+std::int64_t update_size(const Front& f) { return static_cast<std::int64_t>(f.update_ld) * (f.n - f.p); }
+
+}  // namespace
+
+void Symbolic::make_fronts() {
+  stack_.clear(), post_.clear();
+  for (int s = 0; s < static_cast<int>(supers_.size()); ++s)
+    if (!supers_[s].absorbed && supers_[s].parent < 0) stack_.push_back(s);
+  while (!stack_.empty()) {
+    const int s = stack_.back();
+    stack_.pop_back();
+    post_.push_back(s);
+    for (int c = supers_[s].first_child; c >= 0; c = supers_[c].next_sibling) stack_.push_back(c);
+  }
+  fronts_.clear();
+  order_.clear();
+  front_of_block_.resize(dims_.size()), block_scalar_.resize(dims_.size());
+  total_dim_ = 0;
+  for (auto s = post_.rbegin(); s != post_.rend(); ++s) add_front(supers_[*s]);
+}
+
+void Symbolic::add_front(const Supernode& supernode) {
+  Front f;
+  f.n = supernode.n, f.p = supernode.p;
+  f.ld = dense::leading_dimension(f.n);
+  f.update_ld = dense::update_leading_dimension(f.n, f.p);
+  f.first_position = static_cast<int>(order_.size());
+  f.first_scalar = total_dim_;
+  f.row_blocks = supernode.rows;
+  f.rows_begin = supernode.rows_begin;  // of super_rows_, until sort_rows
+  for (int b = supernode.first_pivot; b >= 0; b = b == supernode.last_pivot ? -1 : next_pivot_[b]) {
+    position_[b] = static_cast<int>(order_.size());
+    front_of_block_[b] = static_cast<int>(fronts_.size());
+    block_scalar_[b] = total_dim_;
+    total_dim_ += dims_[b];
+    order_.push_back(b);
+  }
+  f.pivot_blocks = static_cast<int>(order_.size()) - f.first_position;
+  fronts_.push_back(f);
+}
+
+// The rows of all fronts by elimination order, in linear time: turn "rows of a front" into "fronts of a row", and walk
+// the rows in order.
+void Symbolic::sort_rows() {
+  const int n = blocks();
+  bucket_begin_.assign(n + 1, 0);
+  for (const Front& f : fronts_)
+    for (int q = 0; q < f.row_blocks; ++q) ++bucket_begin_[position_[super_rows_[f.rows_begin + q]] + 1];
+  for (int k = 0; k < n; ++k) bucket_begin_[k + 1] += bucket_begin_[k];
+  bucket_.resize(bucket_begin_[n]);
+  cursor_.assign(bucket_begin_.begin(), bucket_begin_.end());
+  int total = 0;
+  for (int i = 0; i < static_cast<int>(fronts_.size()); ++i) {
+    Front& f = fronts_[i];
+    for (int q = 0; q < f.row_blocks; ++q) bucket_[cursor_[position_[super_rows_[f.rows_begin + q]]]++] = i;
+    f.rows_begin = total;
+    total += f.row_blocks;
+    f.row_blocks = 0;
+  }
+  row_blocks_.resize(total);
+  for (int k = 0; k < n; ++k) {
+    for (int q = bucket_begin_[k]; q < bucket_begin_[k + 1]; ++q) {
+      Front& f = fronts_[bucket_[q]];
+      row_blocks_[f.rows_begin + f.row_blocks++] = order_[k];
+    }
+  }
+}
+
+void Symbolic::place_rows() {
+  row_offsets_.resize(row_blocks_.size());
+  factor_size_ = 0, largest_front_ = 0, flops_ = 0, fill_ = 0;
+  for (Front& f : fronts_) {
+    int row = f.p;
+    for (int q = f.rows_begin; q < f.rows_begin + f.row_blocks; ++q) {
+      row_offsets_[q] = row;
+      row += dims_[row_blocks_[q]];
+    }
+    f.offset = factor_size_;
+    factor_size_ += static_cast<std::int64_t>(f.ld) * f.p;
+    largest_front_ = std::max(largest_front_, f.n);
+    flops_ += front_flops(f);
+    fill_ += 0.5 * f.p * (f.p + 1.0) + static_cast<double>(f.p) * (f.n - f.p);
+  }
+}
+
+void Symbolic::link_fronts() {
+  const int count = static_cast<int>(fronts_.size());
+  children_begin_.assign(count + 1, 0);
+  for (Front& f : fronts_) {
+    if (f.row_blocks == 0) continue;
+    f.parent = front_of_block_[row_blocks_[f.rows_begin]];
+    ++children_begin_[f.parent + 1];
+  }
+  for (int i = 0; i < count; ++i) children_begin_[i + 1] += children_begin_[i];
+  children_.resize(children_begin_[count]);
+  cursor_.assign(children_begin_.begin(), children_begin_.end());
+  for (int i = 0; i < count; ++i)
+    if (fronts_[i].parent >= 0) children_[cursor_[fronts_[i].parent]++] = i;
+}
+
+// Rows of every matrix column by elimination order, in linear time: walk the rows in order.
+void Symbolic::place_matrix(const BlockPattern& pattern) {
+  const int n = blocks();
+  columns_.assign(n, {});
+  for (int b = 0; b < n; ++b)
+    for (int neighbour : pattern.neighbours(b)) columns_[b].row_blocks += position_[neighbour] > position_[b];
+  int rows = 0;
+  for (int b : order_) {
+    columns_[b].rows_begin = rows;
+    columns_[b].ld = dims_[b];
+    rows += std::exchange(columns_[b].row_blocks, 0);
+  }
+  column_rows_.resize(rows), column_offsets_.resize(rows);
+  for (int row : order_) {
+    for (int b : pattern.neighbours(row)) {
+      if (position_[b] > position_[row]) continue;
+      MatrixColumn& column = columns_[b];
+      column_rows_[column.rows_begin + column.row_blocks] = row;
+      column_offsets_[column.rows_begin + column.row_blocks++] = column.ld;
+      column.ld += dims_[row];
+    }
+  }
+  storage_size_ = 0;
+  for (int b : order_) {
+    columns_[b].offset = storage_size_;
+    storage_size_ += static_cast<std::int64_t>(columns_[b].ld) * dims_[b];
+  }
+}
+
+void Symbolic::make_runs() {
+  runs_.clear(), spans_.clear(), matrix_runs_.clear();
+  local_row_.resize(dims_.size());
+  for (int i = 0; i < static_cast<int>(fronts_.size()); ++i) {
+    const Front& f = fronts_[i];
+    for (int k = f.first_position; k < f.first_position + f.pivot_blocks; ++k)
+      local_row_[order_[k]] = block_scalar_[order_[k]] - f.first_scalar;
+    for (int q = f.rows_begin; q < f.rows_begin + f.row_blocks; ++q) local_row_[row_blocks_[q]] = row_offsets_[q];
+    for (int child : children(i)) make_runs(fronts_[child]);
+    make_matrix_runs(i);
+  }
+}
+
+// For the matrix columns of a front's pivots; local_row_ holds the rows of that front.
+void Symbolic::make_matrix_runs(int front) {
+  const Front& f = fronts_[front];
+  for (int k = f.first_position; k < f.first_position + f.pivot_blocks; ++k) {
+    MatrixColumn& column = columns_[order_[k]];
+    column.runs_begin = static_cast<int>(matrix_runs_.size());
+    matrix_runs_.push_back({0, local_row_[order_[k]], dims_[order_[k]]});
+    for (int q = column.rows_begin; q < column.rows_begin + column.row_blocks; ++q) {
+      const int block = column_rows_[q];
+      Run& last = matrix_runs_.back();
+      if (last.other + last.length == local_row_[block])
+        last.length += dims_[block];
+      else
+        matrix_runs_.push_back({column_offsets_[q], local_row_[block], dims_[block]});
+    }
+    column.runs = static_cast<int>(matrix_runs_.size()) - column.runs_begin;
+  }
+}
+
+void Symbolic::make_runs(Front& f) {
+  f.runs_begin = static_cast<int>(runs_.size()), f.spans_begin = static_cast<int>(spans_.size());
+  const int boundary = fronts_[f.parent].p;
+  for (int q = f.rows_begin; q < f.rows_begin + f.row_blocks; ++q) {
+    const int b = row_blocks_[q], row = row_offsets_[q], parent_row = local_row_[b], scalar = block_scalar_[b];
+    const bool first = q == f.rows_begin;
+    if (!first && runs_.back().other + runs_.back().length == parent_row && parent_row != boundary)
+      runs_.back().length += dims_[b];
+    else
+      runs_.push_back({row, parent_row, dims_[b]});
+    if (!first && spans_.back().other + spans_.back().length == scalar)
+      spans_.back().length += dims_[b];
+    else
+      spans_.push_back({row, scalar, dims_[b]});
+  }
+  f.runs = static_cast<int>(runs_.size()) - f.runs_begin;
+  f.spans = static_cast<int>(spans_.size()) - f.spans_begin;
+}
+
+void Symbolic::cut_subtrees() {
+  const int count = static_cast<int>(fronts_.size());
+  subtrees_.clear();
+  if (flops_ < kWorthTasks) return;
+  subtree_flops_.assign(count, 0.0);
+  cursor_.assign(count, 1);  // fronts in the subtree
+  for (int i = 0; i < count; ++i) {
+    subtree_flops_[i] += front_flops(fronts_[i]);
+    if (const int up = fronts_[i].parent; up >= 0) {
+      subtree_flops_[up] += subtree_flops_[i];
+      cursor_[up] += cursor_[i];
+    }
+  }
+  for (int i = 0; i < count; ++i) {
+    const int up = fronts_[i].parent;
+    const bool small_enough = subtree_flops_[i] <= kLargestTask * flops_;
+    const bool maximal = up < 0 || subtree_flops_[up] > kLargestTask * flops_;
+    if (!small_enough || !maximal || subtree_flops_[i] < kSmallestTask * flops_) continue;
+    const Subtree tree{i - cursor_[i] + 1, i};
+    for (int k = tree.first; k <= tree.last; ++k) fronts_[k].task = static_cast<int>(subtrees_.size());
+    subtrees_.push_back(tree);
+  }
+}
+
+// An update matrix lives from its front until its parent has taken it. In a postorder that is a stack; with fronts of
+// even and odd depth on a stack each, a front's own matrix never lies upon those of its children, and all places are
+// known beforehand. The root of a subtree outlives its task: it has a place of its own.
+void Symbolic::place_updates() {
+  const int count = static_cast<int>(fronts_.size());
+  depth_.resize(count);
+  for (int i = count - 1; i >= 0; --i) depth_[i] = fronts_[i].parent < 0 ? 0 : depth_[fronts_[i].parent] + 1;
+  task_arena_size_ = 0, shared_arena_size_ = 0;
+  for (int t = 0; t < static_cast<int>(subtrees_.size()); ++t) {
+    const auto [first, last] = subtrees_[t];
+    task_arena_size_ = std::max(task_arena_size_, place_updates(first, last - 1, t, 0));
+    fronts_[last].update_offset = shared_arena_size_;
+    shared_arena_size_ += update_size(fronts_[last]);
+  }
+  shared_arena_size_ = place_updates(0, count - 1, -1, shared_arena_size_);
+}
+
+// Places the fronts of one task in [first, last] from `base` on; returns the end.
+std::int64_t Symbolic::place_updates(int first, int last, int task, std::int64_t base) {
+  std::int64_t top[2] = {0, 0}, high[2] = {0, 0};
+  for (int i = first; i <= last; ++i) {
+    Front& f = fronts_[i];
+    if (f.task != task) continue;
+    const int parity = depth_[i] & 1;
+    f.update_offset = base + top[parity];
+    top[parity] += update_size(f);
+    high[parity] = std::max(high[parity], top[parity]);
+    for (int child : children(i))
+      if (fronts_[child].task == task) top[1 - parity] -= update_size(fronts_[child]);
+  }
+  for (int i = first; i <= last; ++i)
+    if (fronts_[i].task == task && (depth_[i] & 1) != 0) fronts_[i].update_offset += high[0];
+  return base + high[0] + high[1];
+}
+
+}  // namespace oriel

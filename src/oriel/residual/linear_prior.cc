@@ -1,0 +1,54 @@
+#include "oriel/residual/linear_prior.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace oriel {
+namespace {
+
+// Reflects rows [k, m) so that column c of them becomes (β, 0, ..., 0), in all of A (m × n) and in d.
+// Golub & Van Loan, Matrix Computations, algorithm 5.1.1.
+// False, and nothing done, if what is left of the column is rounding error (≤ `negligible`).
+bool reflect(double* A, int m, int n, int k, int c, double negligible, double* d) {
+  double* v = A + static_cast<std::size_t>(c) * m;
+  double tail = 0.0;
+  for (int i = k; i < m; ++i) tail += v[i] * v[i];
+  const double norm = std::sqrt(tail);
+  if (!(norm > negligible)) return false;
+  const double beta = v[k] > 0.0 ? -norm : norm, v0 = v[k] - beta, scale = -1.0 / (beta * v0);
+  v[k] = v0;
+  auto apply = [&](double* x) {
+    double s = 0.0;
+    for (int i = k; i < m; ++i) s += v[i] * x[i];
+    s *= scale;
+    for (int i = k; i < m; ++i) x[i] -= s * v[i];
+  };
+  for (int j = 0; j < n; ++j)
+    if (j != c) apply(A + static_cast<std::size_t>(j) * m);
+  apply(d);
+  v[k] = beta;
+  std::fill(v + k + 1, v + m, 0.0);
+  return true;
+}
+
+}  // namespace
+
+int marginalize_columns(int rows, int cols, const std::vector<char>& leaves, std::vector<double>& R,
+                        std::vector<double>& d) {
+  int used = 0;
+  for (int j = 0; j < cols && used < rows; ++j) {
+    if (!leaves[j]) continue;
+    double norm = 0.0;  // reflections keep the norm of a column
+    for (int i = 0; i < rows; ++i) norm = std::hypot(norm, R[static_cast<std::size_t>(j) * rows + i]);
+    if (reflect(R.data(), rows, cols, used, j, 1e-13 * norm, d.data())) ++used;
+  }
+  std::vector<double> kept;
+  for (int j = 0; j < cols; ++j)
+    if (!leaves[j]) kept.insert(kept.end(), R.begin() + j * static_cast<std::ptrdiff_t>(rows) + used,
+                                R.begin() + (j + 1) * static_cast<std::ptrdiff_t>(rows));
+  d.erase(d.begin(), d.begin() + used);
+  R = std::move(kept);
+  return rows - used;
+}
+
+}  // namespace oriel

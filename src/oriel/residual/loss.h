@@ -1,0 +1,52 @@
+// Robust losses ρ(s) of the squared whitened norm s = ‖r‖², a small value at run time. The cost of a factor is ½ρ(s);
+// its rows are scaled by √ρ'(s) when they are linearized (iteratively re-weighted least squares: the gradient is exact,
+// the Hessian is the Gauss–Newton one). All have ρ(0) = 0 and ρ'(0) = 1.
+#pragma once
+#include <cmath>
+#include <cstdint>
+#include <string_view>
+
+#include "oriel/base/pack.h"
+
+namespace oriel {
+
+enum class LossKind : std::uint8_t { none, huber, cauchy };
+
+struct Loss {
+  LossKind kind = LossKind::none;
+  double scale = 1.0;  // in whitened units (sigmas), > 0
+
+  static constexpr Loss none() { return {}; }
+};
+
+// ρ(s) = s up to k², then 2k√s - k². Huber, Robust Estimation of a Location Parameter, 1964.
+constexpr Loss Huber(double k) { return {LossKind::huber, k}; }
+// ρ(s) = c² log(1 + s/c²).
+constexpr Loss Cauchy(double c) { return {LossKind::cauchy, c}; }
+
+template <class S>
+struct LossValue {
+  S rho, weight;  // ρ(s) and ρ'(s)
+};
+
+template <class S>
+LossValue<S> evaluate_loss(LossKind kind, const S& scale, const S& s) {
+  using std::log, std::sqrt;
+  const S k2 = scale * scale;
+  if (kind == LossKind::huber) {
+    const auto inside = s <= k2;
+    const S root = sqrt(select(inside, k2, s));
+    return {select(inside, s, S(2.0) * scale * root - k2), select(inside, S(1.0), scale / root)};
+  }
+  if (kind == LossKind::cauchy) {
+    const S u = S(1.0) + s / k2;
+    return {k2 * log(u), S(1.0) / u};
+  }
+  return {s, S(1.0)};
+}
+
+constexpr std::string_view name_of(LossKind kind) {
+  return kind == LossKind::huber ? "huber" : kind == LossKind::cauchy ? "cauchy" : "none";
+}
+
+}  // namespace oriel

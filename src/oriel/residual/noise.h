@@ -1,0 +1,147 @@
+// Noise of a measurement, kept as what whitens it: r_white = W r with WᵀW the information. Three shapes, each a type of
+// its own, so that a table of factors holds only what its rows need.
+#pragma once
+#include <array>
+#include <cmath>
+#include <limits>
+#include <string_view>
+
+#include "oriel/base/matrix.h"
+
+namespace oriel {
+
+// W = w·I.
+struct IsotropicNoise {
+  static constexpr std::string_view kName = "isotropic";
+  double w = 1.0;  // 1/σ
+
+  bool valid() const { return std::isfinite(w) && w >= 0.0; }
+  template <class S, int N, int C>
+  static void whiten(const std::array<S, 1>& noise, Mat<S, N, C>& a) {
+    a *= noise[0];
+  }
+};
+
+// W = diag(w).
+template <int N>
+struct DiagonalNoise {
+  static constexpr std::string_view kName = "diagonal";
+  Vec<double, N> w;  // 1/σ of each component
+
+  bool valid() const {
+    for (int i = 0; i < N; ++i)
+      if (!std::isfinite(w[i]) || w[i] < 0.0) return false;
+    return true;
+  }
+  template <class S, int C>
+  static void whiten(const std::array<S, N>& noise, Mat<S, N, C>& a) {
+    for (int j = 0; j < C; ++j)
+      for (int i = 0; i < N; ++i) a(i, j) = a(i, j) * noise[i];
+  }
+};
+
+// W upper triangular: row i holds columns i..N-1, one row after the other.
+template <int N>
+struct FullNoise {
+  static constexpr std::string_view kName = "full";
+  static constexpr int kEntries = N * (N + 1) / 2;
+  std::array<double, kEntries> w;
+
+  bool valid() const {
+    for (double x : w)
+      if (!std::isfinite(x)) return false;
+    return true;
+  }
+  template <class S, int C>
+  static void whiten(const std::array<S, kEntries>& noise, Mat<S, N, C>& a) {
+    for (int j = 0; j < C; ++j) {
+      int e = 0;
+      for (int i = 0; i < N; ++i) {  // row i reads rows ≥ i only, so a may be overwritten on the way down
+        S s = noise[e++] * a(i, j);
+        for (int k = i + 1; k < N; ++k) s = s + noise[e++] * a(k, j);
+        a(i, j) = s;
+      }
+    }
+  }
+};
+
+namespace detail {
+inline constexpr double kNotANoise = std::numeric_limits<double>::quiet_NaN();  // refused by apply, with the factor named
+
+// Upper W with WᵀW = information, for positive semidefinite information; entries NaN where it is indefinite.
+template <int N>
+FullNoise<N> whitener_of(Mat<double, N, N> a) {
+  FullNoise<N> noise;
+  double scale = 0.0;
+  for (int i = 0; i < N; ++i) scale = std::fmax(scale, std::fabs(a(i, i)));
+  const double tolerance = 1e-12 * scale;
+  int e = 0;
+  bool ok = std::isfinite(scale);
+  for (int i = 0; i < N; ++i) {
+    const double pivot = a(i, i);
+    const bool empty = pivot <= tolerance;  // a direction without information: its row and column must vanish too
+    const double root = empty ? 0.0 : std::sqrt(pivot);
+    ok = ok && pivot >= -tolerance;
+    for (int k = i; k < N; ++k) {
+      const double w = empty ? 0.0 : a(i, k) / root;
+      if (empty && k > i) ok = ok && std::fabs(a(i, k)) <= 1e-6 * std::sqrt(scale * std::fmax(std::fabs(a(k, k)), tolerance));
+      noise.w[e++] = w;
+    }
+    if (empty) continue;
+    for (int j = i + 1; j < N; ++j)
+      for (int k = j; k < N; ++k) a(j, k) -= a(i, j) * a(i, k) / pivot;
+  }
+  if (!ok) noise.w.fill(kNotANoise);
+  return noise;
+}
+}  // namespace detail
+
+// What a user writes; apply refuses a factor whose noise is not valid (σ ≤ 0, NaN, indefinite) and names it.
+inline IsotropicNoise Sigma(double sigma) {
+  return {sigma > 0.0 ? 1.0 / sigma : detail::kNotANoise};
+}
+template <int N>
+DiagonalNoise<N> Sigmas(const Vec<double, N>& sigma) {
+  DiagonalNoise<N> n;
+  for (int i = 0; i < N; ++i) n.w[i] = sigma[i] > 0.0 ? 1.0 / sigma[i] : detail::kNotANoise;
+  return n;
+}
+// Information (inverse covariance), symmetric positive semidefinite; only its upper triangle is read.
+template <int N>
+FullNoise<N> Information(const Mat<double, N, N>& information) {
+  return detail::whitener_of(information);
+}
+// W itself, upper triangular; what lies below the diagonal is not read.
+template <int N>
+FullNoise<N> SqrtInformation(const Mat<double, N, N>& w) {
+  FullNoise<N> n;
+  int e = 0;
+  for (int i = 0; i < N; ++i)
+    for (int j = i; j < N; ++j) n.w[e++] = w(i, j);
+  return n;
+}
+// Covariance, symmetric positive definite; only its lower triangle is read. W = L⁻¹ mirrored to upper form is not
+// unique; W is the upper factor of the information L⁻ᵀL⁻¹.
+template <int N>
+FullNoise<N> Covariance(const Mat<double, N, N>& covariance) {
+  Mat<double, N, N> L = Mat<double, N, N>::zero(), inverse = Mat<double, N, N>::zero();
+  for (int j = 0; j < N; ++j) {
+    double s = covariance(j, j);
+    for (int k = 0; k < j; ++k) s -= L(j, k) * L(j, k);
+    L(j, j) = std::sqrt(s);  // NaN or zero where it is not positive definite: then the noise is not valid
+    for (int i = j + 1; i < N; ++i) {
+      double t = covariance(i, j);
+      for (int k = 0; k < j; ++k) t -= L(i, k) * L(j, k);
+      L(i, j) = t / L(j, j);
+    }
+  }
+  for (int j = 0; j < N; ++j)
+    for (int i = j; i < N; ++i) {
+      double t = i == j ? 1.0 : 0.0;
+      for (int k = j; k < i; ++k) t -= L(i, k) * inverse(k, j);
+      inverse(i, j) = t / L(i, i);
+    }
+  return detail::whitener_of(inverse.transposed() * inverse);
+}
+
+}  // namespace oriel

@@ -1,0 +1,23 @@
+// An engine follows one graph and finds its most likely values.
+#pragma once
+#include <string_view>
+
+#include "oriel/base/result.h"
+#include "oriel/graph/graph.h"
+#include "oriel/solve/options.h"
+#include "oriel/solve/summary.h"
+
+namespace oriel {
+
+class Engine {
+ public:
+  virtual ~Engine() = default;
+  virtual std::string_view name() const = 0;
+  // Looks at what changed, solves, and gives the graph the values (Graph::adopt) unless the solve failed; then the
+  // graph is as it was.
+  virtual Summary solve(const SolveOptions& options) noexcept = 0;
+  // Cost of the graph's values: ½Σρ(‖r‖²), priors included, over the factors that are valid there.
+  virtual double cost() noexcept = 0;
+};
+
+}  // namespace oriel

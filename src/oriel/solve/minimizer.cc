@@ -1,0 +1,247 @@
+// Levenberg–Marquardt and Gauss–Newton. Damping: Marquardt's λ diag(H), updated after K. Madsen, H. Nielsen,
+// O. Tingleff, "Methods for Non-Linear Least Squares Problems", 2004, section 3.2 (algorithm 3.16).
+#include "oriel/solve/minimizer.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace oriel {
+namespace {
+
+constexpr double kLeastDiagonal = 1e-6, kLargestDiagonal = 1e32;  // of what λ multiplies
+constexpr double kLeastLambda = 1e-16, kLargestLambda = 1e16;
+
+double largest(const std::vector<double>& v) {
+  double m = 0.0;
+  for (const double x : v) m = std::isfinite(x) ? std::max(m, std::fabs(x)) : HUGE_VAL;
+  return m;
+}
+
+}  // namespace
+
+Minimizer::Minimizer(NativeEngine& engine, const SolveOptions& options)
+    : e_(engine), options_(options), began_(std::chrono::steady_clock::now()) {}
+
+Summary Minimizer::run() {
+  if (start())
+    while (!stopped_) {
+      linearize();
+      if (stopped_) break;
+      while (!stopped_ && !iterate()) {
+      }
+    }
+  finish();
+  return std::move(summary_);
+}
+
+bool Minimizer::start() {
+  summary_.method = options_.method;
+  pool_ = e_.pool(options_.threads);
+  {
+    Stage stage(*this, summary_.seconds.structure);
+    if (auto ok = e_.sync(options_); !ok) {
+      stop(Reason::not_finite, 0, 0);
+      return false;
+    }
+  }
+  const LinearStructure& s = e_.structure_;
+  summary_.factors = static_cast<std::int64_t>(s.row_count() + s.prior_count());
+  summary_.kept_dim = s.kept_dim();
+  summary_.landmark_dim = s.dim() - s.kept_dim();
+  summary_.fronts = static_cast<int>(s.factorization().symbolic().fronts().size());
+  summary_.factor_flops = s.factorization().symbolic().flops();
+  summary_.schur_flops = e_.schur_.flops();
+  summary_.linear_solver = s.landmarks().empty()  ? "multifrontal"
+                           : e_.schur_.dense() ? "landmark_schur_panel+multifrontal"
+                                               : "landmark_schur+multifrontal";
+  lambda_ = options_.method == Method::gauss_newton ? 0.0 : options_.initial_lambda;
+  e_.point_.take(*e_.graph_);
+  evaluate(e_.point_, nullptr, e_.active_);
+  cost_ = summary_.initial_cost = e_.active_.total;
+  report(true);
+  if (!std::isfinite(cost_)) stop(Reason::not_finite, cost_, 0);
+  else if (s.dim() == 0 || summary_.factors == 0) stop(Reason::nothing_to_do, 0, 0);
+  return !stopped_;
+}
+
+// One trial. True when a new linearization is wanted.
+bool Minimizer::iterate() {
+  if (summary_.iterations >= options_.max_iterations) {
+    stop(Reason::max_iterations, summary_.iterations, options_.max_iterations);
+    return true;
+  }
+  ++summary_.iterations;
+  if (!solve_linear()) {
+    reject();
+    return false;
+  }
+  const double gain = predicted_gain();
+  summary_.predicted_gain = gain;
+  if (step_is_tiny() || out_of_time()) return true;
+  step_to_trial();
+  evaluate(e_.trial_, &e_.active_, e_.trial_active_);
+  if (accept(e_.trial_active_.total, gain)) return true;
+  reject();
+  return false;
+}
+
+void Minimizer::evaluate(const Point& point, const ActiveSet* frozen, ActiveSet& out) {
+  Stage stage(*this, summary_.seconds.evaluate);
+  e_.linearizer_.evaluate(*e_.graph_, e_.structure_, point, frozen, out, pool_);
+}
+
+void Minimizer::linearize() {
+  if (out_of_time()) return;
+  Stage stage(*this, summary_.seconds.linearize);
+  e_.linearizer_.first_estimates = options_.first_estimates;
+  e_.linearizer_.linearize(*e_.graph_, e_.structure_, e_.point_, e_.system_, pool_);
+  ++summary_.linearizations;
+  summary_.gradient = largest(e_.system_.gradient);
+  if (!summary_.trace.empty()) summary_.trace.back().gradient = summary_.gradient;
+  if (!std::isfinite(summary_.gradient)) stop(Reason::not_finite, summary_.gradient, 0);
+  else if (summary_.gradient <= options_.gradient_tolerance)
+    stop(Reason::gradient_tolerance, summary_.gradient, options_.gradient_tolerance);
+}
+
+bool Minimizer::solve_linear() {
+  const LinearStructure& s = e_.structure_;
+  Multifrontal& factorization = e_.structure_.factorization();
+  e_.damping_.resize(s.dim());
+  e_.rhs_.resize(s.kept_dim());
+  e_.step_.resize(s.dim());
+  for (int i = 0; i < s.dim(); ++i)
+    e_.damping_[i] = lambda_ * std::clamp(e_.system_.diagonal[i], kLeastDiagonal, kLargestDiagonal);
+  const double* h = e_.system_.h.data();
+  {
+    Stage stage(*this, summary_.seconds.eliminate);
+    if (s.landmarks().empty()) {
+      for (int i = 0; i < s.kept_dim(); ++i) e_.rhs_[i] = -e_.system_.gradient[i];
+    } else {
+      e_.reduced_.reserve(factorization.storage_size());
+      e_.schur_.reduce(s, e_.system_, e_.damping_.data(), e_.reduced_.data(), e_.rhs_.data(), pool_);
+      h = e_.reduced_.data();
+    }
+  }
+  {
+    Stage stage(*this, summary_.seconds.factor);
+    const FactorReport& report = factorization.factor(h, e_.damping_.data(), pool_);
+    if (report.status == FactorReport::Status::not_finite) return false;
+    suspicious_ = report.status == FactorReport::Status::undetermined || report.smallest_ratio < 1e-10 + 10 * lambda_ ||
+                  !e_.schur_.undetermined().empty();
+  }
+  Stage stage(*this, summary_.seconds.solve);
+  factorization.solve(e_.rhs_.data(), e_.step_.data());
+  if (!s.landmarks().empty())
+    e_.schur_.back_substitute(s, e_.system_, e_.damping_.data(), e_.step_.data(), pool_);
+  return std::isfinite(largest(e_.step_));
+}
+
+void Minimizer::step_to_trial() {
+  Stage stage(*this, summary_.seconds.retract);
+  const auto& pools = e_.graph_->pools();
+  for (std::size_t p = 0; p < pools.size(); ++p) {
+    const VariableOps& ops = pools[p]->ops();
+    if (ops.dim > 0)
+      ops.plus(pools[p]->extent(), e_.point_.column(p), e_.step_.data(), e_.structure_.offsets(p).data(), e_.trial_.column(p));
+  }
+}
+
+// What the linear model promises: cost(x) - model(x ⊞ s) = ½ sᵀ(λ D s - g), since (H + λD) s = -g.
+double Minimizer::predicted_gain() const {
+  double sum = 0.0;
+  for (int i = 0; i < e_.structure_.dim(); ++i)
+    sum += e_.step_[i] * (e_.damping_[i] * e_.step_[i] - e_.system_.gradient[i]);
+  return 0.5 * sum;
+}
+
+bool Minimizer::accept(double trial_cost, double gain) {
+  const double decrease = cost_ - trial_cost;
+  if (!(decrease > 0.0)) return converged_by_cost(std::fabs(decrease)) && gain <= options_.function_tolerance * cost_;
+  std::swap(e_.point_, e_.trial_);
+  ++summary_.accepted;
+  const bool sides_changed = e_.trial_active_.valid != e_.active_.valid;
+  std::swap(e_.active_, e_.trial_active_);
+  if (sides_changed) evaluate(e_.point_, nullptr, e_.active_);  // the active set freezes at the accepted point
+  cost_ = e_.active_.total;
+  if (options_.method == Method::levenberg_marquardt) {
+    const double r = 2.0 * decrease / gain - 1.0;
+    lambda_ = std::max(kLeastLambda, lambda_ * std::max(1.0 / 3.0, 1.0 - r * r * r));
+    nu_ = 2.0;
+  }
+  if (!report(true)) return true;
+  if (!sides_changed && decrease <= options_.function_tolerance * cost_)
+    stop(Reason::function_tolerance, decrease, options_.function_tolerance * cost_);
+  return true;
+}
+
+// A step that changes nothing that could be measured ends the solve as well.
+bool Minimizer::converged_by_cost(double decrease) {
+  if (decrease > options_.function_tolerance * cost_ || summary_.predicted_gain > options_.function_tolerance * cost_)
+    return false;
+  stop(Reason::function_tolerance, decrease, options_.function_tolerance * cost_);
+  return true;
+}
+
+void Minimizer::reject() {
+  ++summary_.rejected;
+  if (options_.method == Method::gauss_newton) {
+    stop(Reason::diverged, e_.trial_active_.total, cost_);
+    return;
+  }
+  lambda_ = std::max(lambda_, 1e-10) * nu_;
+  nu_ *= 2.0;
+  report(false);
+  if (lambda_ > kLargestLambda) stop(Reason::no_descending_step, lambda_, kLargestLambda);
+}
+
+bool Minimizer::step_is_tiny() {
+  const double size = largest(e_.step_);
+  if (size > options_.step_tolerance) return false;
+  stop(Reason::step_tolerance, size, options_.step_tolerance);
+  return true;
+}
+
+bool Minimizer::out_of_time() {
+  const double bound = options_.deadline.seconds();
+  if (options_.deadline.ns <= 0 || seconds() <= bound) return false;
+  stop(Reason::deadline, seconds(), bound);
+  return true;
+}
+
+bool Minimizer::report(bool accepted) {
+  const IterationReport r{summary_.iterations, seconds(), cost_, summary_.gradient, lambda_, accepted};
+  if (options_.trace) summary_.trace.push_back(r);
+  if (!options_.callback || options_.callback(r)) return true;
+  stop(Reason::stopped_by_callback, 0, 0);
+  return false;
+}
+
+void Minimizer::stop(Reason reason, double value, double bound) {
+  if (stopped_) return;
+  stopped_ = true;
+  summary_.reason = reason;
+  summary_.reason_value = value;
+  summary_.reason_bound = bound;
+}
+
+void Minimizer::finish() {
+  summary_.final_cost = cost_;
+  summary_.fresh_cost = cost_;
+  summary_.lambda = lambda_;
+  summary_.invalid_factors = e_.active_.invalid;
+  summary_.not_finite_factors = e_.active_.not_finite;
+  summary_.kernel_fallbacks = e_.linearizer_.kernel_fallbacks();
+  if (suspicious_) find_undetermined();
+  {
+    Stage stage(*this, summary_.seconds.adopt);
+    if (!summary_.failed() && summary_.accepted > 0) e_.adopt_point();
+    e_.state_.lambda = lambda_;
+  }
+  summary_.seconds.total = seconds();
+}
+
+double Minimizer::seconds() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
+}
+
+}  // namespace oriel

@@ -1,0 +1,54 @@
+// One solve: the main loop, and its stages as verbs.
+#pragma once
+#include <chrono>
+
+#include "oriel/solve/native_engine.h"
+
+namespace oriel {
+
+class Minimizer {
+ public:
+  Minimizer(NativeEngine& engine, const SolveOptions& options);
+  Summary run();
+
+ private:
+  bool start();
+  bool iterate();
+  void evaluate(const Point& point, const ActiveSet* frozen, ActiveSet& out);
+  void linearize();
+  bool solve_linear();
+  void step_to_trial();
+  double predicted_gain() const;
+  bool accept(double trial_cost, double gain);
+  void reject();
+  bool converged_by_cost(double decrease);
+  bool step_is_tiny();
+  bool out_of_time();
+  bool report(bool accepted);
+  void stop(Reason reason, double value, double bound);
+  void finish();
+  void find_undetermined();
+  double seconds() const;
+
+  // Adds the time of its life to a stage.
+  class Stage {
+   public:
+    Stage(const Minimizer& m, double& sum) : m_(m), sum_(sum), from_(m.seconds()) {}
+    ~Stage() { sum_ += m_.seconds() - from_; }
+
+   private:
+    const Minimizer& m_;
+    double& sum_;
+    double from_;
+  };
+
+  NativeEngine& e_;
+  const SolveOptions& options_;
+  Summary summary_;
+  TaskPool* pool_ = nullptr;
+  std::chrono::steady_clock::time_point began_;
+  double cost_ = 0.0, lambda_ = 0.0, nu_ = 2.0;
+  bool stopped_ = false, suspicious_ = false;
+};
+
+}  // namespace oriel

@@ -1,0 +1,70 @@
+#include "oriel/solve/native_engine.h"
+
+#include "oriel/solve/minimizer.h"
+
+namespace oriel {
+
+Summary NativeEngine::solve(const SolveOptions& options) noexcept { return Minimizer(*this, options).run(); }
+
+double NativeEngine::cost() noexcept {
+  if (!sync(SolveOptions{})) return HUGE_VAL;
+  point_.take(*graph_);
+  linearizer_.evaluate(*graph_, structure_, point_, nullptr, active_, nullptr);
+  return active_.total;
+}
+
+Result<void> NativeEngine::linearize(bool first_estimates) {
+  if (auto ok = sync(SolveOptions{}); !ok) return ok;
+  point_.take(*graph_);
+  linearizer_.evaluate(*graph_, structure_, point_, nullptr, active_, nullptr);
+  linearizer_.first_estimates = first_estimates;
+  linearizer_.linearize(*graph_, structure_, point_, system_, nullptr);
+  return {};
+}
+
+void NativeEngine::drop_caches() {
+  const SolverState kept = state_;
+  Graph* graph = graph_;
+  *this = NativeEngine(*graph);
+  state_ = kept;
+}
+
+Result<void> NativeEngine::sync(const SolveOptions& options) {
+  if (structure_version_ != graph_->structure_version() || structure_ordering_ != options.ordering) {
+    FactorOptions factor;
+    factor.ordering = options.ordering;
+    if (auto ok = structure_.build(*graph_, factor); !ok) return ok;
+    schur_.prepare(structure_);
+    structure_version_ = graph_->structure_version();
+    structure_ordering_ = options.ordering;
+  }
+  trial_.take(*graph_);  // what does not move stands in both points
+  return {};
+}
+
+TaskPool* NativeEngine::pool(int threads) {
+  if (threads <= 1) return nullptr;
+  if (!threads_ || threads_->workers() != threads) threads_ = std::make_unique<ThreadPool>(threads);
+  return threads_.get();
+}
+
+void NativeEngine::adopt_point() {
+  const auto& pools = graph_->pools();
+  solution_.version = graph_->version();
+  solution_.columns.resize(pools.size());
+  for (std::size_t p = 0; p < pools.size(); ++p) {
+    Solution::Column& c = solution_.columns[p];
+    const VariablePool& pool = *pools[p];
+    if (c.ops != &pool.ops()) c = {&pool.ops(), {}, ByteColumn(pool.ops().bytes)};
+    c.keys.clear();
+    c.values.clear();
+    for (std::uint32_t d = 0; d < pool.extent(); ++d) {
+      if (structure_.offsets(p)[d] < 0) continue;
+      c.keys.push_back(pool.slots().key(d));
+      c.values.push_back(point_.value(p, d));
+    }
+  }
+  if (graph_->adopt(solution_)) state_.solved_version = graph_->version();
+}
+
+}  // namespace oriel

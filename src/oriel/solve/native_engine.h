@@ -1,0 +1,66 @@
+// The engine of this library: landmarks by Schur complement, the rest by the multifrontal factorization.
+#pragma once
+#include <memory>
+#include <vector>
+
+#include "oriel/linear/landmark_schur.h"
+#include "oriel/linear/linearize.h"
+#include "oriel/solve/engine.h"
+#include "oriel/solve/thread_pool.h"
+
+namespace oriel {
+
+// What influences the bits of the next solve and is not in the graph: it travels to replicas and is journaled.
+// Everything else that an engine holds is a cache, and dropping it changes no bit.
+struct SolverState {
+  double lambda = 0.0;                  // 0: the option's initial value
+  std::uint64_t solved_version = 0;     // version of the graph that the last solve's values went into
+};
+
+class NativeEngine final : public Engine {
+ public:
+  explicit NativeEngine(Graph& graph) : graph_(&graph) {}
+
+  std::string_view name() const override { return "native"; }
+  Summary solve(const SolveOptions& options) noexcept override;
+  Summary solve() noexcept { return solve(SolveOptions{}); }
+  double cost() noexcept override;
+
+  const SolverState& state() const { return state_; }
+  void restore(const SolverState& state) { state_ = state; }
+  // Forgets everything but the state; the next solve makes it anew, with the same bits.
+  void drop_caches();
+
+  // The linear problem at the graph's values, for marginalization, covariance and tests. A Result only because a
+  // structure may be refused.
+  Result<void> linearize(bool first_estimates);
+  const LinearStructure& structure() const { return structure_; }
+  const LinearSystem& system() const { return system_; }
+  const ActiveSet& active() const { return active_; }
+  const Point& point() const { return point_; }
+
+ private:
+  friend class Minimizer;
+
+  Result<void> sync(const SolveOptions& options);
+  TaskPool* pool(int threads);
+  void adopt_point();
+
+  Graph* graph_;
+  SolverState state_;
+  // ---- caches and workspaces ----
+  LinearStructure structure_;
+  std::uint64_t structure_version_ = ~std::uint64_t{0};
+  OrderingMethod structure_ordering_ = OrderingMethod::automatic;
+  Linearizer linearizer_;
+  LinearSystem system_;
+  LandmarkSchur schur_;
+  ActiveSet active_, trial_active_;
+  Point point_, trial_;
+  AlignedBuffer reduced_;                       // S
+  std::vector<double> damping_, rhs_, step_;
+  Solution solution_;
+  std::unique_ptr<ThreadPool> threads_;
+};
+
+}  // namespace oriel

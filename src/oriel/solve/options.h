@@ -1,0 +1,40 @@
+// What a caller of solve may choose. Every default is what the command and the benchmarks use.
+#pragma once
+#include <functional>
+
+#include "oriel/base/time.h"
+#include "oriel/linear/ordering.h"
+
+namespace oriel {
+
+enum class Method { levenberg_marquardt, gauss_newton };
+
+// One line of the trace, and what a callback sees after each iteration.
+struct IterationReport {
+  int iteration = 0;       // 0: the start
+  double seconds = 0.0;    // since solve began, ordering and symbolic work included
+  double cost = 0.0;       // of the best values so far
+  double gradient = 0.0;   // largest entry of the gradient
+  double lambda = 0.0;     // damping
+  bool accepted = true;
+};
+
+struct SolveOptions {
+  Method method = Method::levenberg_marquardt;
+  int max_iterations = 100;  // accepted or rejected steps
+  int threads = 1;           // of this solve; the result has the same bits for any number
+  // Converged where: cost falls by ≤ function_tolerance · cost; or the largest gradient entry ≤ gradient_tolerance;
+  // or |step| ≤ step_tolerance (in tangent units, per scalar).
+  double function_tolerance = 1e-9;
+  double gradient_tolerance = 1e-10;
+  double step_tolerance = 1e-12;
+  double initial_lambda = 1e-8;  // relative to the diagonal of H
+  Duration deadline{0};          // comes back at most one stage after it; 0: none
+  bool first_estimates = true;   // Jacobians at first estimates where a prior has fixed them
+  bool trace = true;             // keep an IterationReport for each iteration
+  OrderingMethod ordering = OrderingMethod::automatic;
+  // Called after each iteration; false stops the solve with the best values so far.
+  std::function<bool(const IterationReport&)> callback;
+};
+
+}  // namespace oriel

@@ -1,0 +1,21 @@
+// The threads of one solver: made once, asleep between stages.
+#pragma once
+#include <memory>
+
+#include "oriel/linear/task_pool.h"
+
+namespace oriel {
+
+class ThreadPool final : public TaskPool {
+ public:
+  explicit ThreadPool(int workers);  // the caller's thread is one of them
+  ~ThreadPool() override;
+  int workers() const override;
+  void parallel_for(int count, TaskRef body) noexcept override;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace oriel
