@@ -137,9 +137,13 @@ TEST(DenseKernels, RemovesAPivotBelowItsThresholdAndDisturbsNoOther) {
   without(dead, dead) = 1.0;
   MatrixXd want = without.llt().matrixL();
   want(dead, dead) = 0.0;
-  for (int j = 0; j < n; ++j)
-    for (int i = j; i < n; ++i)
-      if (i != dead) EXPECT_NEAR(l.map(n, n)(i, j), want(i, j), 1e-10);
+  for (int j = 0; j < n; ++j) {
+    for (int i = j; i < n; ++i) {
+      if (i != dead) {
+        EXPECT_NEAR(l.map(n, n)(i, j), want(i, j), 1e-10);
+      }
+    }
+  }
 }
 
 TEST(DenseKernels, LeavesANonFiniteDiagonalBehindForANonFiniteInput) {

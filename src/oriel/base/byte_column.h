@@ -23,7 +23,10 @@ class ByteColumn {
   void set(std::size_t i, const void* value) { std::memcpy(at(i), value, stride_); }
   void move(std::size_t from, std::size_t to) { std::memcpy(at(to), at(from), stride_); }
   void resize(std::size_t n) { bytes_.resize(n * stride_); }
-  void reserve(std::size_t n) { bytes_.reserve(n * stride_); }
+  // At least; grows by doubling, so that one by one stays linear.
+  void reserve(std::size_t n) {
+    if (n * stride_ > bytes_.capacity()) bytes_.reserve(n * stride_ > 2 * bytes_.capacity() ? n * stride_ : 2 * bytes_.capacity());
+  }
   void clear() { bytes_.clear(); }
 
  private:

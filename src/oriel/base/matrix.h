@@ -4,6 +4,8 @@
 // sent to another process by memcpy nor recorded; and <Eigen/Core> alone is half of the compile time that a first
 // program may take. The dense algebra of the solver works on raw memory, through Eigen::Map where that is handy; see
 // docs/decisions/0001-small-matrices.md. `S` is double, Dual<N> (derivatives) or Pack (8 rows of a batch at once).
+//
+// The loops ask to be unrolled: without it GCC 12 carries matrices of packs through memory (2.5 times slower).
 #pragma once
 #include <cmath>
 #include <cstddef>
@@ -22,16 +24,19 @@ struct Mat {
 
   static constexpr Mat zero() {
     Mat a;
+#pragma GCC unroll 64
     for (int i = 0; i < kSize; ++i) a.m[i] = S(0.0);
     return a;
   }
   static constexpr Mat constant(const S& s) {
     Mat a;
+#pragma GCC unroll 64
     for (int i = 0; i < kSize; ++i) a.m[i] = s;
     return a;
   }
   static constexpr Mat identity() {
     Mat a = zero();
+#pragma GCC unroll 64
     for (int i = 0; i < (R < C ? R : C); ++i) a(i, i) = S(1.0);
     return a;
   }
@@ -53,20 +58,24 @@ struct Mat {
   constexpr const S& z() const { return m[2]; }
 
   constexpr Mat& operator+=(const Mat& b) {
+#pragma GCC unroll 64
     for (int i = 0; i < kSize; ++i) m[i] = m[i] + b.m[i];
     return *this;
   }
   constexpr Mat& operator-=(const Mat& b) {
+#pragma GCC unroll 64
     for (int i = 0; i < kSize; ++i) m[i] = m[i] - b.m[i];
     return *this;
   }
   constexpr Mat& operator*=(const S& s) {
+#pragma GCC unroll 64
     for (int i = 0; i < kSize; ++i) m[i] = m[i] * s;
     return *this;
   }
   friend constexpr Mat operator+(Mat a, const Mat& b) { return a += b; }
   friend constexpr Mat operator-(Mat a, const Mat& b) { return a -= b; }
   friend constexpr Mat operator-(Mat a) {
+#pragma GCC unroll 64
     for (int i = 0; i < kSize; ++i) a.m[i] = -a.m[i];
     return a;
   }
@@ -77,20 +86,26 @@ struct Mat {
 
   constexpr Mat<S, C, R> transposed() const {
     Mat<S, C, R> t;
+#pragma GCC unroll 64
     for (int j = 0; j < C; ++j)
+#pragma GCC unroll 64
       for (int i = 0; i < R; ++i) t(j, i) = (*this)(i, j);
     return t;
   }
   template <int BR, int BC>
   constexpr Mat<S, BR, BC> block(int i0, int j0) const {
     Mat<S, BR, BC> b;
+#pragma GCC unroll 64
     for (int j = 0; j < BC; ++j)
+#pragma GCC unroll 64
       for (int i = 0; i < BR; ++i) b(i, j) = (*this)(i0 + i, j0 + j);
     return b;
   }
   template <int BR, int BC>
   constexpr void set_block(int i0, int j0, const Mat<S, BR, BC>& b) {
+#pragma GCC unroll 64
     for (int j = 0; j < BC; ++j)
+#pragma GCC unroll 64
       for (int i = 0; i < BR; ++i) (*this)(i0 + i, j0 + j) = b(i, j);
   }
   // Rows [i0, i0 + N) of a column vector.
@@ -108,6 +123,7 @@ struct Mat {
 
   constexpr S dot(const Mat& b) const {
     S s = m[0] * b.m[0];
+#pragma GCC unroll 64
     for (int i = 1; i < kSize; ++i) s = s + m[i] * b.m[i];
     return s;
   }
@@ -121,6 +137,7 @@ struct Mat {
   template <class T>
   constexpr Mat<T, R, C> cast() const {
     Mat<T, R, C> b;
+#pragma GCC unroll 64
     for (int i = 0; i < kSize; ++i) b.m[i] = T(m[i]);
     return b;
   }
@@ -129,9 +146,12 @@ struct Mat {
 template <class S, int R, int K, int C>
 constexpr Mat<S, R, C> operator*(const Mat<S, R, K>& a, const Mat<S, K, C>& b) {
   Mat<S, R, C> c;
+#pragma GCC unroll 64
   for (int j = 0; j < C; ++j)
+#pragma GCC unroll 64
     for (int i = 0; i < R; ++i) {
       S s = a(i, 0) * b(0, j);
+#pragma GCC unroll 64
       for (int k = 1; k < K; ++k) s = s + a(i, k) * b(k, j);
       c(i, j) = s;
     }
@@ -178,7 +198,9 @@ constexpr Vec<S, 3> cross(const Vec<S, 3>& a, const Vec<S, 3>& b) {
 
 template <class S, int R, int C>
 std::ostream& operator<<(std::ostream& out, const Mat<S, R, C>& a) {
+#pragma GCC unroll 64
   for (int i = 0; i < R; ++i)
+#pragma GCC unroll 64
     for (int j = 0; j < C; ++j) out << a(i, j) << (j + 1 < C ? " " : (i + 1 < R ? "\n" : ""));
   return out;
 }

@@ -18,6 +18,14 @@ struct SlotKey {
   friend bool operator==(const SlotKey&, const SlotKey&) = default;
 };
 
+// Room for `more` elements beyond the present ones. std::vector::reserve takes exactly what it is asked for, so that
+// growing one by one would copy everything each time.
+template <class Vector>
+void reserve_more(Vector& v, std::size_t more) {
+  const std::size_t wanted = v.size() + more;
+  if (wanted > v.capacity()) v.reserve(wanted > 2 * v.capacity() ? wanted : 2 * v.capacity());
+}
+
 // The keys alone; whoever owns values keeps them in columns beside it.
 class SlotIndex {
  public:
@@ -41,34 +49,48 @@ class SlotIndex {
   SlotKey key_of_slot(std::uint32_t index) const {
     return {index, index < slots_.size() ? slots_[index].generation : 0};
   }
+  // Dense position of whatever key lives in a slot, else kNone.
+  std::uint32_t find_slot(std::uint32_t index) const { return index < slots_.size() ? slots_[index].dense : kNone; }
   // Dense position of a slot that is known to be live.
   std::uint32_t dense(std::uint32_t index) const { return slots_[index].dense; }
 
   // A key that nobody has had. It resolves to nothing until it is inserted.
   SlotKey lend() {
-    if (!free_.empty()) {
+    while (!free_.empty()) {
       const SlotKey k = free_.back();
       free_.pop_back();
+      if (k.index >= slots_.size()) continue;
+      Slot& s = slots_[k.index];
+      // A slot may have been filled since, under an id that came from elsewhere.
+      if (s.dense != kNone || k.generation <= s.generation || k.generation <= s.lent) continue;
+      s.lent = k.generation;
       return k;
     }
+    slots_.resize(next_ + 1);
+    slots_[next_].lent = 1;
     return {next_++, 1};
   }
   // Back from an edit that will not be applied; its generation is spent.
   void give_back(SlotKey k) { free_.push_back({k.index, k.generation + 1}); }
 
-  // True if `insert` of this key will succeed.
-  bool can_insert(SlotKey k) const {
+  // Slots that were ever in use: the index of every live key is below.
+  std::uint32_t slot_count() const { return static_cast<std::uint32_t>(slots_.size()); }
+
+  // True for a key that nobody has had. Of `incoming` keys that arrive together, none may be farther out than honest
+  // ones can be: a damaged message must not ask for all memory.
+  bool is_new(SlotKey k, std::size_t incoming) const {
     if (k.generation == 0 || k.index == kNone) return false;
-    if (k.index >= slots_.size()) return k.index < slots_.size() + kLargestLeap;
-    return slots_[k.index].dense == kNone && k.generation > slots_[k.index].generation;
+    if (k.index >= slots_.size()) return k.index < slots_.size() + kLargestLeap + incoming;
+    return k.generation > slots_[k.index].generation;
   }
   // Appends; the dense position of the new value. Serials rise.
   std::uint32_t insert(SlotKey k, std::uint64_t serial) {
-    check(can_insert(k), "a slot key is inserted twice");
+    check(is_new(k, kNone) && find_slot(k.index) == kNone, "a slot key is inserted twice");
     if (k.index >= slots_.size()) slots_.resize(k.index + 1);
-    if (k.index >= next_) next_ = k.index + 1;
+    next_ = static_cast<std::uint32_t>(slots_.size());
     const std::uint32_t d = extent();
-    slots_[k.index] = {d, k.generation};
+    slots_[k.index].dense = d;
+    slots_[k.index].generation = k.generation;
     slot_of_.push_back(k.index);
     serial_.push_back(serial);
     last_serial_ = serial;
@@ -80,8 +102,9 @@ class SlotIndex {
     const std::uint32_t d = find(k);
     if (d == kNone) return false;
     slot_of_[d] = kNone;
-    slots_[k.index].dense = kNone;
-    free_.push_back({k.index, k.generation + 1});
+    Slot& s = slots_[k.index];
+    s.dense = kNone;
+    free_.push_back({k.index, (s.lent > s.generation ? s.lent : s.generation) + 1});
     --live_;
     return true;
   }
@@ -106,17 +129,18 @@ class SlotIndex {
     resize(to);
   }
   void reserve(std::uint32_t more) {
-    slots_.reserve(slots_.size() + more);
-    slot_of_.reserve(slot_of_.size() + more);
-    serial_.reserve(serial_.size() + more);
-    free_.reserve(free_.size() + live_ + more);
+    reserve_more(slots_, more);
+    reserve_more(slot_of_, more);
+    reserve_more(serial_, more);
+    reserve_more(free_, std::size_t{live_} + more);
   }
 
  private:
-  static constexpr std::uint32_t kLargestLeap = 1u << 24;  // a damaged message must not ask for all memory
+  static constexpr std::size_t kLargestLeap = std::size_t{1} << 24;
   struct Slot {
     std::uint32_t dense = kNone;
-    std::uint32_t generation = 0;
+    std::uint32_t generation = 0;  // of the latest value
+    std::uint32_t lent = 0;        // the highest generation that was lent
   };
   std::vector<Slot> slots_;
   std::vector<std::uint32_t> slot_of_;  // by dense position; kNone: a hole

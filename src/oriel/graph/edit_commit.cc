@@ -27,10 +27,17 @@ void EditCommit::run() {
 
 bool EditCommit::changes_structure() const {
   for (const auto& c : edit_.variable_columns())
-    if (!c->added.empty() || !c->removed.empty() || !c->fixed.empty()) return true;
+    if (!c->added.empty() || !c->removed.empty() || changes_fixed(*c)) return true;
   for (const auto& c : edit_.factor_columns())
     if (!c->empty()) return true;
   return !edit_.priors().empty();
+}
+
+bool EditCommit::changes_fixed(const edit::Variables& c) const {
+  const VariablePool* pool = g_.find_pool(c.ops->key);
+  return std::any_of(c.fixed.begin(), c.fixed.end(), [&](const auto& f) {
+    return pool->fixed(pool->slots().find(f.first)) != f.second;  // nothing is added here, so each is in the graph
+  });
 }
 
 void EditCommit::give_serials() {
@@ -87,7 +94,7 @@ void EditCommit::derive_prior(std::uint32_t row) {
   }
   const int rows = marginalize_columns(numbers.rows, numbers.cols, leaves, R, rest.d);
   rest.R = std::move(R);
-  edit_.priors().removed.push_back(g_.priors_.slots().key(row));
+  g_.derived_.priors().removed.push_back(g_.priors_.slots().key(row));
   if (rows == 0 || rest.variables.empty()) return;
   edit::Priors& p = g_.derived_.priors();
   edit::AddedPrior a{g_.priors_.slots().lend(),
@@ -112,7 +119,7 @@ void EditCommit::reserve() {
     g_.tables_[g_.table_index(c->ops)]->reserve(static_cast<std::uint32_t>(c->added.size()));
     entries += c->variables.size();
   }
-  g_.incidences_.reserve(g_.incidences_.size() + entries);
+  reserve_more(g_.incidences_, entries);
 }
 
 void EditCommit::attach(VariablePool& pool, std::uint32_t dense, std::uint32_t& entry, std::uint32_t table,
@@ -164,6 +171,7 @@ void EditCommit::remove_factors() {
   for (const auto& c : edit_.factor_columns())
     for (const SlotKey k : c->removed) remove_factor(g_.table_index(c->ops), k);
   for (const SlotKey k : edit_.priors().removed) remove_prior(k);
+  for (const SlotKey k : g_.derived_.priors().removed) remove_prior(k);
 }
 
 void EditCommit::remove_variables() {

@@ -28,6 +28,7 @@ class EditCommit {
   void detach(const VariableRef& ref, std::uint32_t entry);
   void set_first_estimates(std::uint32_t row);
   bool changes_structure() const;
+  bool changes_fixed(const edit::Variables& c) const;
 
   Graph& g_;
   GraphEdit& edit_;

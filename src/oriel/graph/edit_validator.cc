@@ -14,11 +14,44 @@ std::string factor_name(const edit::Factors& c, std::size_t i) {
   return "factor " + number(i + 1) + " of " + std::string(c.ops->residual) + " in this edit";
 }
 
-bool has_twice(std::vector<SlotKey> keys) {  // rare path: only where an edit removes more than one of a type
+const SlotIndex kNoSlots;  // of a type that the graph has not met
+
+// May a factor come in under this key? Its slot has to be empty, or to be emptied by the same edit.
+template <class Column>
+bool free_for(const Column& c, const SlotIndex& slots, SlotKey key) {
+  if (!slots.is_new(key, c.added.size())) return false;
+  return slots.find_slot(key.index) == SlotIndex::kNone || c.removes(slots.key_of_slot(key.index));
+}
+
+bool has_twice(std::vector<SlotKey> keys) {  // rare path: edits that were not lent here, and removals of several priors
   auto less = [](SlotKey a, SlotKey b) { return a.index != b.index ? a.index < b.index : a.generation < b.generation; };
   std::sort(keys.begin(), keys.end(), less);
   return std::adjacent_find(keys.begin(), keys.end()) != keys.end();
 }
+template <class Added>
+bool has_twice(const std::vector<Added>& added) {
+  std::vector<SlotKey> keys;
+  for (const Added& a : added) keys.push_back(a.key);
+  return has_twice(std::move(keys));
+}
+
+// Can the key be inserted once what the edit removes is gone?
+template <class Leaves>
+bool insertable(const SlotIndex* slots, SlotKey key, Leaves&& leaves) {
+  if (slots == nullptr) return SlotIndex().is_new(key);
+  if (slots->can_insert(key)) return true;
+  return slots->is_new(key) && leaves(slots->key_of_slot(key.index));
+}
+
+// A set of slots, in scratch memory of the graph.
+class Marks {
+ public:
+  explicit Marks(edit::SlotSet& set) : set_(set) { set_.clear(); }
+  bool insert(std::uint32_t index) { return set_.insert(index); }
+
+ private:
+  edit::SlotSet& set_;
+};
 
 }  // namespace
 
@@ -26,6 +59,7 @@ Result<void> EditValidator::validate() const {
   if (edit_.required_version() != 0 && edit_.required_version() != graph_.version())
     return Error{ErrorCode::conflict, "the edit was made for version " + number(edit_.required_version()) +
                                           " of the graph, which is at " + number(graph_.version())};
+  if (!edit_.unknown().empty()) return Error{ErrorCode::stale_id, edit_.unknown()};
   for (const auto& c : edit_.variable_columns())
     if (auto ok = variables(*c); !ok) return ok;
   for (const auto& c : edit_.factor_columns())
@@ -62,7 +96,9 @@ Result<void> EditValidator::added_variables(const edit::Variables& c) const {
     const edit::AddedVariable& a = c.added[i];
     auto name = [&] { return graph_.describe({c.ops->key, a.key}); };
     if (c.added_at.find(a.key.index) != i) return Error{ErrorCode::duplicate, "add: " + name() + " is added twice"};
-    if (pool != nullptr && !pool->slots().can_insert(a.key) && !c.removes(pool->slots().key_of_slot(a.key.index)))
+    const SlotIndex& slots = pool == nullptr ? kNoSlots : pool->slots();
+    if (!slots.is_new(a.key, c.added.size()) || (slots.find_slot(a.key.index) != SlotIndex::kNone &&
+                                                 !c.removes(slots.key_of_slot(a.key.index))))
       return Error{ErrorCode::stale_id, "add: the id " + name() + " was used before"};
     if (a.serial != 0 && a.serial <= serial)
       return Error{ErrorCode::conflict, "add: the serial of " + name() + " is not above those in the graph"};
@@ -96,17 +132,37 @@ Result<void> EditValidator::factors(const edit::Factors& c) const {
     if (c.removed_at.find(c.removed[i].index) != i)
       return Error{ErrorCode::duplicate,
                    "remove: factor " + key_text(c.removed[i]) + " of " + std::string(c.ops->residual) + " is named twice"};
+  return added_factors(c, table);
+}
+
+Result<void> EditValidator::added_factors(const edit::Factors& c, const FactorTable* table) const {
   std::uint64_t serial = table == nullptr ? 0 : table->slots().last_serial();
+  const SlotIndex* slots = table == nullptr ? nullptr : &table->slots();
+  Marks seen(graph_.marks_);
   for (std::size_t i = 0; i < c.added.size(); ++i) {
     const edit::AddedFactor& a = c.added[i];
-    if (a.key.generation == 0 || (table != nullptr && table->slots().find(a.key) != SlotIndex::kNone))
-      return Error{ErrorCode::duplicate, factor_name(c, i) + ": its id " + key_text(a.key) + " is in use"};
+    if (!insertable(slots, a.key, [&](SlotKey k) { return leaves(c, *table, k); }) || !seen.insert(a.key.index))
+      return Error{ErrorCode::duplicate, factor_name(c, i) + ": its id " + key_text(a.key) + " is in use, or was"};
     if (a.serial != 0 && a.serial <= serial)
       return Error{ErrorCode::conflict, factor_name(c, i) + ": its serial is not above those in the graph"};
     if (a.serial != 0) serial = a.serial;
     if (auto ok = factor(c, i); !ok) return ok;
   }
   return {};
+}
+
+// Will this factor be gone before others come: removed itself, or with one of its variables?
+bool EditValidator::leaves(const edit::Factors& c, const FactorTable& table, SlotKey key) const {
+  const std::uint32_t at = c.removed_at.find(key.index);
+  if (at != edit::SlotMarks::kNone && c.removed[at] == key) return true;
+  const std::uint32_t row = table.slots().find(key);
+  if (row == SlotIndex::kNone) return false;
+  for (const VariableRef& ref : table.variables(row)) {
+    const VariablePool& pool = *graph_.pools()[ref.pool];
+    const edit::Variables* v = edit_.find_variables(pool.ops().key);
+    if (v != nullptr && v->removes(pool.slots().key_of_slot(ref.slot))) return true;
+  }
+  return false;
 }
 
 Result<void> EditValidator::factor(const edit::Factors& c, std::size_t i) const {
@@ -139,8 +195,17 @@ Result<void> EditValidator::priors() const {
       return Error{ErrorCode::stale_id, "remove: linear prior " + key_text(k) + " is not in the graph"};
   if (c.removed.size() > 1 && has_twice(c.removed))
     return Error{ErrorCode::duplicate, "remove: a linear prior is named twice"};
-  for (const edit::AddedPrior& p : c.added)
+  std::uint64_t serial = graph_.priors().slots().last_serial();
+  for (const edit::AddedPrior& p : c.added) {
+    if (!free_for(c, graph_.priors().slots(), p.key))
+      return Error{ErrorCode::duplicate, "add: the id " + key_text(p.key) + " of a linear prior is or was in use"};
+    if (p.serial != 0 && p.serial <= serial)
+      return Error{ErrorCode::conflict, "add: the serial of a linear prior is not above those in the graph"};
+    if (p.serial != 0) serial = p.serial;
     if (auto ok = prior(p); !ok) return ok;
+  }
+  if (edit_.lender() != &graph_ && has_twice(c.added))
+    return Error{ErrorCode::duplicate, "add: two linear priors have the same id"};
   return {};
 }
 
@@ -160,10 +225,25 @@ Result<void> EditValidator::prior(const edit::AddedPrior& p) const {
     cols += static_cast<std::size_t>(ops->dim);
     estimates += estimate_doubles(*ops);
   }
-  if (p.variable_count == 0 || p.block_size < estimates || (p.block_size - estimates) % (1 + cols) != 0)
-    return Error{ErrorCode::size_mismatch, "a linear prior over " + number(cols) + " columns has " +
-                                               number(p.block_size) + " numbers, which fit no number of rows"};
-  for (std::size_t i = p.block; i < p.block + p.block_size; ++i)
+  if (!p.well_formed || p.variable_count == 0 || p.block_size < estimates || (p.block_size - estimates) % (1 + cols) != 0)
+    return Error{ErrorCode::size_mismatch,
+                 "a linear prior over " + number(cols) + " columns has " + number(p.block_size) +
+                     " numbers in all, which are not estimates, d (rows) and R (rows x columns)"};
+  return prior_numbers(p, estimates);
+}
+
+Result<void> EditValidator::prior_numbers(const edit::AddedPrior& p, std::size_t estimates) const {
+  const edit::Priors& c = edit_.priors();
+  const double* estimate = c.numbers.data() + p.block;
+  for (std::uint32_t k = 0; k < p.variable_count; ++k) {
+    const VariableKey id = c.variables[p.variables + k];
+    const edit::Variables* column = edit_.find_variables(id.type);
+    const VariableOps* ops = column != nullptr ? column->ops : graph_.find_ops(id.type);
+    if (!ops->finite(estimate))
+      return Error{ErrorCode::not_finite, "a linear prior's estimate of " + graph_.describe(id) + " is not finite"};
+    estimate += estimate_doubles(*ops);
+  }
+  for (std::size_t i = p.block + estimates; i < p.block + p.block_size; ++i)
     if (!std::isfinite(c.numbers[i])) return Error{ErrorCode::not_finite, "a linear prior holds a number that is not finite"};
   return {};
 }

@@ -43,10 +43,10 @@ void FactorTable::reserve(std::uint32_t more) {
   const std::size_t n = extent() + std::size_t{more};
   measurements_.reserve(n);
   noises_.reserve(n);
-  losses_.reserve(n);
-  added_.reserve(n);
-  refs_.reserve(n * arity());
-  incidences_.reserve(n * arity());
+  reserve_more(losses_, more);
+  reserve_more(added_, more);
+  reserve_more(refs_, std::size_t{more} * arity());
+  reserve_more(incidences_, std::size_t{more} * arity());
 }
 
 std::uint32_t PriorTable::insert(SlotKey key, std::uint64_t serial, std::span<const VariableRef> refs, int cols,

@@ -1,5 +1,7 @@
 #include "oriel/graph/graph_edit.h"
 
+#include <algorithm>
+
 #include "oriel/graph/graph.h"
 
 namespace oriel {
@@ -113,6 +115,14 @@ FactorId GraphEdit::add(const LinearPrior& prior) {
   append(prior.d);
   append(prior.R);
   a.block_size = priors_.numbers.size() - a.block;
+  const auto rows = static_cast<std::size_t>(std::max(prior.rows, 0)), cols = static_cast<std::size_t>(std::max(prior.cols, 0));
+  std::size_t dims = 0;
+  for (const VariableKey& id : prior.variables) {
+    const edit::Variables* column = find_variables(id.type);
+    const VariableOps* ops = column != nullptr ? column->ops : graph_->find_ops(id.type);
+    dims += ops != nullptr ? static_cast<std::size_t>(ops->dim) : 0;
+  }
+  a.well_formed = cols == dims && prior.d.size() == rows && prior.R.size() == rows * cols;
   priors_.added.push_back(a);
   return {PriorTable::kKey, key};
 }
@@ -127,24 +137,28 @@ const void* GraphEdit::find_value(VariableKey id) const {
   return graph_ != nullptr ? graph_->find_value(id) : nullptr;
 }
 
+void GraphEdit::unresolved(VariableKey id) const {
+  contract_violated("GraphEdit::value: " +
+                    (graph_ != nullptr ? graph_->describe(id) : "variable #" + std::to_string(id.key.index)) +
+                    " is neither in the edit nor in the graph");
+}
+
+// The column of a variable's type; null, and noted for apply to refuse, if the graph has never seen that type.
+edit::Variables* GraphEdit::known_column(VariableKey id, const char* what) {
+  if (edit::Variables* c = column_of(id.type)) return c;
+  if (const VariableOps* ops = graph_ != nullptr ? graph_->find_ops(id.type) : nullptr) return &variables(ops);
+  if (unknown_.empty())
+    unknown_ = std::string(what) + ": variable #" + std::to_string(id.key.index) + "." + std::to_string(id.key.generation) +
+               " of a type that the graph does not know";
+  return nullptr;
+}
+
 void GraphEdit::fix(VariableKey id, bool fixed) {
-  edit::Variables* c = column_of(id.type);
-  if (c == nullptr) {
-    const VariableOps* ops = graph_ != nullptr ? graph_->find_ops(id.type) : nullptr;
-    check(ops != nullptr, "GraphEdit::fix: an id of a type that the graph does not know");
-    c = &variables(ops);
-  }
-  c->fixed.emplace_back(id.key, fixed);
+  if (edit::Variables* c = known_column(id, "fix")) c->fixed.emplace_back(id.key, fixed);
 }
 
 void GraphEdit::remove(VariableKey id) {
-  edit::Variables* c = column_of(id.type);
-  if (c == nullptr) {
-    const VariableOps* ops = graph_ != nullptr ? graph_->find_ops(id.type) : nullptr;
-    check(ops != nullptr, "GraphEdit::remove: an id of a type that the graph does not know");
-    c = &variables(ops);
-  }
-  c->remove(id.key);
+  if (edit::Variables* c = known_column(id, "remove")) c->remove(id.key);
 }
 
 void GraphEdit::remove(FactorId id) {
@@ -159,7 +173,12 @@ void GraphEdit::remove(FactorId id) {
       return;
     }
   const FactorOps* ops = graph_ != nullptr ? graph_->find_factor_ops(id.table) : nullptr;
-  check(ops != nullptr, "GraphEdit::remove: a factor of a table that the graph does not know");
+  if (ops == nullptr) {
+    if (unknown_.empty())
+      unknown_ = "remove: factor #" + std::to_string(id.key.index) + "." + std::to_string(id.key.generation) +
+                 " of a table that the graph does not know";
+    return;
+  }
   factors(ops);
   remove(id);
 }
@@ -169,7 +188,7 @@ bool GraphEdit::empty() const {
     if (!c->empty()) return false;
   for (const auto& c : factors_)
     if (!c->empty()) return false;
-  return priors_.empty();
+  return priors_.empty() && unknown_.empty();
 }
 
 void GraphEdit::clear() {
@@ -178,6 +197,7 @@ void GraphEdit::clear() {
   for (auto& c : factors_) c->clear();
   priors_.clear();
   labels_.clear();
+  unknown_.clear();
   order_ = 0;
   required_version_ = 0;
   applied_ = false;

@@ -82,6 +82,10 @@ struct Factors {
   explicit Factors(const FactorOps* o) : ops(o), measurements(o->measurement_bytes), noises(o->noise_bytes) {}
   void clear();
   bool empty() const { return added.empty() && removed.empty(); }
+  bool removes(SlotKey key) const {
+    const std::uint32_t at = removed_at.find(key.index);
+    return at != SlotMarks::kNone && removed[at] == key;
+  }
 };
 
 struct AddedPrior {
@@ -89,6 +93,7 @@ struct AddedPrior {
   std::uint64_t serial = 0, order = 0;
   std::uint32_t variables = 0, variable_count = 0;  // in Priors::variables
   std::size_t block = 0, block_size = 0;            // in Priors::numbers; layout in factor_table.h
+  bool well_formed = true;                          // its parts have the sizes that it says
 };
 struct Priors {
   std::vector<AddedPrior> added;
@@ -97,6 +102,11 @@ struct Priors {
   std::vector<SlotKey> removed;
   void clear();
   bool empty() const { return added.empty() && removed.empty(); }
+  bool removes(SlotKey key) const {  // few are removed at a time
+    for (const SlotKey& k : removed)
+      if (k == key) return true;
+    return false;
+  }
 };
 
 }  // namespace edit
@@ -141,13 +151,17 @@ class GraphEdit {
   void set(VariableId<V> id, const V& value);
   // A fixed variable takes part in factors and is not moved by solvers.
   void fix(VariableKey id, bool fixed = true);
-  // Removes the variable and every factor on it; a LinearPrior loses that variable alone (marginalized out).
+  // Removes the variable and every factor on it; a LinearPrior loses that variable alone (marginalized out). An id
+  // that the graph does not know makes the edit one that is refused, here and in `fix`.
   void remove(VariableKey id);
   void remove(FactorId id);
 
   // The edit is only valid for a graph at this version; else it is refused as a conflict (marginalization).
   void require_version(std::uint64_t version) { required_version_ = version; }
   std::uint64_t required_version() const { return required_version_; }
+
+  // The graph whose ids it gives out; null if its ids were given elsewhere.
+  const Graph* lender() const { return graph_; }
 
   bool empty() const;
   // Forgets everything, keeps the memory. Ids that were lent and not applied are returned to the graph.
@@ -165,6 +179,8 @@ class GraphEdit {
   auto& labels() { return labels_; }
   const auto& labels() const { return labels_; }
   const edit::Variables* find_variables(std::uint64_t type) const;
+  // The first id of a type or table that the graph has never seen, as text; empty if there is none.
+  const std::string& unknown() const { return unknown_; }
   std::uint64_t next_order() { return order_++; }
   std::uint64_t order() const { return order_; }
   void mark_applied() { applied_ = true; }
@@ -176,12 +192,15 @@ class GraphEdit {
                       const SlotKey* variables);
   const void* find_value(VariableKey id) const;
   edit::Variables* column_of(std::uint64_t type);
+  edit::Variables* known_column(VariableKey id, const char* what);
+  [[noreturn]] void unresolved(VariableKey id) const;
 
   Graph* graph_ = nullptr;
   std::vector<std::unique_ptr<edit::Variables>> variables_;
   std::vector<std::unique_ptr<edit::Factors>> factors_;
   edit::Priors priors_;
   std::vector<std::pair<VariableKey, std::string>> labels_;
+  std::string unknown_;
   std::uint64_t order_ = 0, required_version_ = 0;
   bool applied_ = false;
 };
@@ -224,7 +243,8 @@ FactorId GraphEdit::add(const R& residual, const Noise& noise, const Loss& loss,
 template <Variable V>
 V GraphEdit::value(VariableId<V> id) const {
   const void* p = find_value(id);
-  check(p != nullptr, "GraphEdit::value: an id that neither the edit nor the graph knows");
+  if (p == nullptr) [[unlikely]]
+    unresolved(id);
   V v;
   std::memcpy(static_cast<void*>(&v), p, sizeof(V));
   return v;

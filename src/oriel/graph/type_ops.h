@@ -94,7 +94,7 @@ inline constexpr VariableOps kVariableOps = {V::kName,
                                              type_key(V::kName),
                                              V::kDim,
                                              sizeof(V),
-                                             Landmark<V>,
+                                             Landmark<V> && V::kDim <= 3,  // elimination has kernels up to 3
                                              detail::tangent_names<V>(),
                                              &detail::plus_all<V>,
                                              &detail::minus_one<V>,

@@ -52,10 +52,10 @@ void VariablePool::reserve(std::uint32_t more) {
   const std::size_t n = extent() + std::size_t{more};
   values_.reserve(n);
   first_estimates_.reserve(n);
-  fixed_.reserve(n);
-  has_first_estimate_.reserve(n);
-  versions_.reserve(n);
-  incidence_.reserve(n);
+  reserve_more(fixed_, more);
+  reserve_more(has_first_estimate_, more);
+  reserve_more(versions_, more);
+  reserve_more(incidence_, more);
 }
 
 }  // namespace oriel

@@ -101,7 +101,7 @@ void solve_rows(double* f, std::int64_t ld, int r, int j, int k0, const Triangle
 template <int W>
 Triangle<W> factor_square(double* f, std::int64_t ld, int j, int k0, const double* threshold) {
   constexpr int kV = kCols / kLanes;
-  Triangle<W> t;
+  Triangle<W> t = {};
   Vec x[kV][W] = {};
   accumulate<kV, W>(x, f + j + k0 * ld, ld, f + j + k0 * ld, ld, j - k0);
 #pragma GCC unroll 8

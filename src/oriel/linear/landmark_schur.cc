@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "oriel/linear/dense_kernels.h"
+#include "oriel/linear/dot.h"
 
 namespace oriel {
 namespace {
@@ -56,7 +58,7 @@ struct SmallCholesky {
 };
 
 // Z = W L⁻ᵀ, columns of `rows` values with leading dimension ld.
-void make_z(const SmallCholesky& c, const double* w, int rows, double* z, std::int64_t ld) {
+void make_z(const SmallCholesky& c, const double* __restrict w, int rows, double* __restrict z, std::int64_t ld) {
   for (int j = 0; j < c.n; ++j) {
     double* zj = z + j * ld;
     const double* wj = w + static_cast<std::int64_t>(j) * rows;
@@ -67,18 +69,54 @@ void make_z(const SmallCholesky& c, const double* w, int rows, double* z, std::i
   }
 }
 
-// S_ij -= Z_i Z_jᵀ; D × D blocks, L columns.
+template <int N>
+struct VectorOf;  // one by one: GCC 12 drops a vector_size that depends on a template parameter
+template <>
+struct VectorOf<1> {
+  using type = double;
+};
+template <>
+struct VectorOf<2> {
+  using type = double __attribute__((vector_size(16)));
+};
+template <>
+struct VectorOf<4> {
+  using type = double __attribute__((vector_size(32)));
+};
+template <>
+struct VectorOf<8> {
+  using type = double __attribute__((vector_size(64)));
+};
+template <int N>
+using VecN = typename VectorOf<N>::type;
+static_assert(sizeof(VecN<8>) == 64 && sizeof(VecN<4>) == 32 && sizeof(VecN<2>) == 16);
+
+// Column of S minus L columns of Z times factors, N rows at once.
+template <int N, int L>
+inline void subtract_rows(double* __restrict s, const VecN<N> (&z)[L], const double (&f)[L]) {
+  VecN<N> x;
+  std::memcpy(&x, s, sizeof x);
+  for (int k = 0; k < L; ++k) x -= z[k] * f[k];
+  std::memcpy(s, &x, sizeof x);
+}
+
+// S_ij -= Z_i Z_jᵀ; D × D blocks, L columns. Rows in pieces of whole vectors: 9 = 8 + 1, 6 = 4 + 2, 3 = 2 + 1.
 template <int D, int L>
-void subtract_block(const double* zi, const double* zj, std::int64_t ld, double* s, std::int64_t lds) {
+void subtract_block(const double* __restrict zi, const double* __restrict zj, std::int64_t ld, double* __restrict s,
+                    std::int64_t lds) {
+  constexpr int kHead = D == 9 ? 8 : D == 6 ? 4 : 2, kTail = D - kHead;
+  VecN<kHead> head[L];
+  VecN<kTail> tail[L];
+  for (int k = 0; k < L; ++k) {
+    std::memcpy(&head[k], zi + k * ld, sizeof head[k]);
+    std::memcpy(&tail[k], zi + k * ld + kHead, sizeof tail[k]);
+  }
+#pragma GCC unroll 9
   for (int c = 0; c < D; ++c) {
-    double* out = s + c * lds;
     double f[L];
     for (int k = 0; k < L; ++k) f[k] = zj[k * ld + c];
-    for (int i = 0; i < D; ++i) {
-      double x = out[i];
-      for (int k = 0; k < L; ++k) x -= zi[k * ld + i] * f[k];
-      out[i] = x;
-    }
+    subtract_rows<kHead, L>(s + c * lds, head, f);
+    subtract_rows<kTail, L>(s + c * lds + kHead, tail, f);
   }
 }
 void subtract_any(const double* zi, const double* zj, std::int64_t ld, int di, int dj, int l, double* s,
@@ -133,7 +171,7 @@ void LandmarkSchur::prepare(const LinearStructure& structure) {
     slice_undetermined_.resize(slices_);
   }
   int largest = 0;
-  for (const LandmarkBlock& l : structure.landmarks()) largest = std::max(largest, l.dim * (l.rows + 8));
+  for (const LandmarkBlock& l : structure.landmarks()) largest = std::max(largest, (l.dim + 1) * (l.rows + 8));
   for (auto& z : slice_z_)
     if (static_cast<int>(z.size()) < largest) z.resize(largest);
   if (slices_ > 1) slice_s_.reserve((slices_ - 1) * structure.factorization().storage_size());
@@ -181,27 +219,43 @@ void LandmarkSchur::reduce_slice(const LinearStructure& structure, const LinearS
     double y[kLargestLandmark];
     for (int k = 0; k < l.dim; ++k) y[k] = -system.gradient[l.offset + k];
     c.forward(y);
-    const std::int32_t* neighbour = structure.neighbours().data() + l.first_neighbour;
-    const BlockAddress* at = structure.landmark_pairs().data() + l.first_pair;
+    double* zy = z + l.dim * ld;
+    for (int i = 0; i < l.rows; ++i) zy[i] = z[i] * y[0];
+    for (int k = 1; k < l.dim; ++k)
+      for (int i = 0; i < l.rows; ++i) zy[i] += z[k * ld + i] * y[k];
+    subtract_pairs(structure, l, z, s);
     int row = 0;
     for (int a = 0; a < l.neighbours; ++a) {
-      const KeptBlock& x = kept[neighbour[a]];
-      const double* za = z + row;
-      for (int k = 0; k < l.dim; ++k)
-        for (int i = 0; i < x.dim; ++i) rhs[x.offset + i] -= za[k * ld + i] * y[k];
-      int other = 0;
-      for (int b = 0; b <= a; ++b, ++at) {
-        const int db = kept[neighbour[b]].dim;
-        const double* zb = z + other;
-        const BlockKernel kernel = db == x.dim ? find_kernel(db, l.dim) : nullptr;
-        if (kernel != nullptr)  // a transposed block takes the product with its sides exchanged
-          kernel(at->transposed ? zb : za, at->transposed ? za : zb, ld, s + at->offset, at->ld);
-        else
-          subtract_any(za, zb, ld, x.dim, db, l.dim, s + at->offset, *at);
-        other += db;
-      }
+      const KeptBlock& x = kept[structure.neighbours()[l.first_neighbour + a]];
+      for (int i = 0; i < x.dim; ++i) rhs[x.offset + i] -= zy[row + i];
       row += x.dim;
     }
+  }
+}
+
+// S -= Z Zᵀ, block by block of what sees the landmark.
+void LandmarkSchur::subtract_pairs(const LinearStructure& structure, const LandmarkBlock& l, const double* z,
+                                   double* s) const {
+  const auto& kept = structure.kept();
+  const std::int64_t ld = l.rows;
+  const std::int32_t* neighbour = structure.neighbours().data() + l.first_neighbour;
+  const BlockAddress* at = structure.landmark_pairs().data() + l.first_pair;
+  int row = 0;
+  for (int a = 0; a < l.neighbours; ++a) {
+    const int da = kept[neighbour[a]].dim;
+    const double* za = z + row;
+    const BlockKernel kernel = find_kernel(da, l.dim);
+    int other = 0;
+    for (int b = 0; b <= a; ++b, ++at) {
+      const int db = kept[neighbour[b]].dim;
+      const double* zb = z + other;
+      if (kernel != nullptr && db == da)  // a transposed block takes the product with its sides exchanged
+        kernel(at->transposed ? zb : za, at->transposed ? za : zb, ld, s + at->offset, at->ld);
+      else
+        subtract_any(za, zb, ld, da, db, l.dim, s, *at);
+      other += db;
+    }
+    row += da;
   }
 }
 
@@ -265,22 +319,23 @@ void LandmarkSchur::subtract_panel(const LinearStructure& structure, double* s, 
 }
 
 void LandmarkSchur::back_substitute(const LinearStructure& structure, const LinearSystem& system,
-                                    const double* damping, double* step, TaskPool* pool) const {
+                                    const double* damping, double* step, TaskPool* pool) {
   const auto& kept = structure.kept();
   parallel_for(pool, slices_, [&](int slice, int) {
+    double* near = slice_z_[slice].data();  // the step of a landmark's neighbours, side by side
     for (int n = cuts_[slice]; n < cuts_[slice + 1]; ++n) {
       const LandmarkBlock& l = structure.landmarks()[n];
       const double* data = system.landmarks.data();
       const SmallCholesky c(data + l.v(), damping + l.offset, l.dim);
-      double x[kLargestLandmark];
-      for (int k = 0; k < l.dim; ++k) x[k] = -system.gradient[l.offset + k];
-      const double* w = data + l.w();
+      int row = 0;
       for (int a = 0; a < l.neighbours; ++a) {
         const KeptBlock& b = kept[structure.neighbours()[l.first_neighbour + a]];
-        for (int k = 0; k < l.dim; ++k)
-          for (int i = 0; i < b.dim; ++i) x[k] -= w[std::int64_t{k} * l.rows + i] * step[b.offset + i];
-        w += b.dim;
+        for (int i = 0; i < b.dim; ++i) near[row + i] = step[b.offset + i];
+        row += b.dim;
       }
+      double x[kLargestLandmark];
+      for (int k = 0; k < l.dim; ++k)
+        x[k] = -system.gradient[l.offset + k] - dot(data + l.w() + std::int64_t{k} * l.rows, near, l.rows);
       c.forward(x);
       c.backward(x);
       for (int k = 0; k < l.dim; ++k) step[l.offset + k] = x[k];

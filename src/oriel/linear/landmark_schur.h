@@ -19,7 +19,7 @@ class LandmarkSchur {
               double* rhs, TaskPool* pool);
   // Landmark part of the step, from its kept part.
   void back_substitute(const LinearStructure& structure, const LinearSystem& system, const double* damping, double* step,
-                       TaskPool* pool) const;
+                       TaskPool* pool);
 
   bool dense() const { return dense_; }
   double flops() const { return flops_; }
@@ -29,6 +29,7 @@ class LandmarkSchur {
  private:
   void reduce_slice(const LinearStructure& structure, const LinearSystem& system, const double* damping, int slice,
                     double* s, double* rhs);
+  void subtract_pairs(const LinearStructure& structure, const LandmarkBlock& landmark, const double* z, double* s) const;
   void reduce_panel(const LinearStructure& structure, const LinearSystem& system, const double* damping, double* s,
                     double* rhs);
   void subtract_panel(const LinearStructure& structure, double* s, double* rhs);

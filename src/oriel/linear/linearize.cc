@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "oriel/linear/accumulate.h"
+#include "oriel/linear/dot.h"
 
 namespace oriel {
 namespace {
@@ -13,21 +14,6 @@ namespace {
 constexpr std::size_t kRows = Batch::kRows;
 
 std::size_t batches_of(const TablePlan& plan) { return (plan.rows.size() + kRows - 1) / kRows; }
-
-double dot(const double* a, const double* b, int n) {
-  Pack s(0.0);
-  int i = 0;
-  for (; i + Pack::kLanes <= n; i += Pack::kLanes) {
-    Pack x, y;
-    std::memcpy(&x.v, a + i, sizeof(x.v));
-    std::memcpy(&y.v, b + i, sizeof(y.v));
-    s += x * y;
-  }
-  double sum = 0.0;
-  for (int l = 0; l < Pack::kLanes; ++l) sum += s[l];
-  for (; i < n; ++i) sum += a[i] * b[i];
-  return sum;
-}
 
 std::int64_t doubles_of(const TablePlan& plan, bool jacobians) {
   const int dim = plan.table->ops().dim;

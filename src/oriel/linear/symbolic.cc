@@ -90,8 +90,8 @@ void Symbolic::make_postorder() {
     bucket_[k] = order_[post_[k]];
     ancestor_[k] = parent_[post_[k]] < 0 ? -1 : cursor_[parent_[post_[k]]];
   }
-  order_.swap(bucket_);
-  parent_.swap(ancestor_);
+  order_.assign(bucket_.begin(), bucket_.end());  // no swap: each buffer keeps the capacity that it has reached
+  parent_.assign(ancestor_.begin(), ancestor_.end());
   for (int k = 0; k < n; ++k) position_[order_[k]] = k;
 }
 

@@ -70,8 +70,8 @@ Mat<S, 3, 3> se3_q(const Vec<S, 3>& phi, const Vec<S, 3>& rho) {
   const auto small = t < S(so3_detail::kSeries);
   const S safe = select(small, S(1.0), t);
   // (θ² + 2 cos θ - 2)/(2 θ⁴) = (1/2 - B)/θ² and (2θ - 3 sin θ + θ cos θ)/(2 θ⁵) = ((1/2 - B)/θ² - 3 (1/6 - C)/θ²)/2.
-  const S d4 = select(small, alternating(t, 4), (S(0.5) - c.B) / safe);
-  const S d5 = select(small, alternating(t, 5), (S(1.0 / 6.0) - c.C) / safe);
+  const S d4 = select(small, alternating<4>(t), (S(0.5) - c.B) / safe);
+  const S d5 = select(small, alternating<5>(t), (S(1.0 / 6.0) - c.C) / safe);
   const Mat<S, 3, 3> W = hat(phi), P = hat(rho), WP = W * P, PW = P * W, WPW = WP * W;
   return P * S(0.5) + (WP + PW + WPW) * c.C + (W * WP + PW * W - WPW * S(3.0)) * d4 +
          (WPW * W + W * WPW) * ((d4 - S(3.0) * d5) * S(0.5));

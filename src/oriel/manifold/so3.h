@@ -47,15 +47,19 @@ namespace so3_detail {
 // Series below this squared angle keep every coefficient good to the last digits where the closed forms cancel.
 inline constexpr double kSeries = 0.25;
 // Σ (-1)^k t^k / (2k + n)!, k = 0..7: n = 0 cos, 1 sin(θ)/θ, 2 (1-cos θ)/θ², 3 (θ-sin θ)/θ³ ..., with t = θ².
-template <class S>
-S alternating(const S& t, int n) {
-  double c[8];
+constexpr std::array<double, 8> alternating_coefficients(int n) {
+  std::array<double, 8> c{};
   double f = 1.0;
   for (int i = 2; i <= n; ++i) f /= i;
   for (int k = 0; k < 8; ++k) {
     c[k] = f;
     f = -f / ((2 * k + n + 1.0) * (2 * k + n + 2.0));
   }
+  return c;
+}
+template <int N, class S>
+S alternating(const S& t) {
+  constexpr std::array<double, 8> c = alternating_coefficients(N);
   S s(c[7]);
   for (int k = 6; k >= 0; --k) s = s * t + S(c[k]);
   return s;
@@ -72,9 +76,9 @@ struct ExpCoefficients {
     const auto small = t < S(so3_detail::kSeries);
     const S safe = select(small, S(1.0), t);
     const S theta = sqrt(safe), s = sin(theta), half = sin(theta * S(0.5));
-    A = select(small, alternating(t, 1), s / theta);
-    B = select(small, alternating(t, 2), S(2.0) * half * half / safe);
-    C = select(small, alternating(t, 3), (theta - s) / (safe * theta));
+    A = select(small, alternating<1>(t), s / theta);
+    B = select(small, alternating<2>(t), S(2.0) * half * half / safe);
+    C = select(small, alternating<3>(t), (theta - s) / (safe * theta));
   }
 };
 
@@ -109,8 +113,8 @@ struct Rot3 {
     const S t = phi.squared_norm() * S(0.25);  // (θ/2)²
     const auto small = t < S(so3_detail::kSeries);
     const S half = sqrt(select(small, S(1.0), t));
-    const S k = S(0.5) * select(small, alternating(t, 1), sin(half) / half);
-    const S w = select(small, alternating(t, 0), cos(half));
+    const S k = S(0.5) * select(small, alternating<1>(t), sin(half) / half);
+    const S w = select(small, alternating<0>(t), cos(half));
     return {k * phi[0], k * phi[1], k * phi[2], w};
   }
   // Log, [ML] eq. 135; the angle lies in [0, π].

@@ -120,28 +120,28 @@ FullNoise<N> SqrtInformation(const Mat<double, N, N>& w) {
     for (int j = i; j < N; ++j) n.w[e++] = w(i, j);
   return n;
 }
-// Covariance, symmetric positive definite; only its lower triangle is read. W = L⁻¹ mirrored to upper form is not
-// unique; W is the upper factor of the information L⁻ᵀL⁻¹.
+// Covariance, symmetric positive definite; only its upper triangle is read. Factored from its last row up, Σ = U Uᵀ
+// with U upper triangular, so that W = U⁻¹ is upper triangular at once and the information is never formed.
 template <int N>
 FullNoise<N> Covariance(const Mat<double, N, N>& covariance) {
-  Mat<double, N, N> L = Mat<double, N, N>::zero(), inverse = Mat<double, N, N>::zero();
-  for (int j = 0; j < N; ++j) {
-    double s = covariance(j, j);
-    for (int k = 0; k < j; ++k) s -= L(j, k) * L(j, k);
-    L(j, j) = std::sqrt(s);  // NaN or zero where it is not positive definite: then the noise is not valid
-    for (int i = j + 1; i < N; ++i) {
-      double t = covariance(i, j);
-      for (int k = 0; k < j; ++k) t -= L(i, k) * L(j, k);
-      L(i, j) = t / L(j, j);
+  Mat<double, N, N> U = Mat<double, N, N>::zero(), W = Mat<double, N, N>::zero();
+  for (int j = N - 1; j >= 0; --j) {
+    double pivot = covariance(j, j);
+    for (int k = j + 1; k < N; ++k) pivot -= U(j, k) * U(j, k);
+    U(j, j) = std::sqrt(pivot);  // NaN or zero where it is not positive definite: then the noise is not valid
+    for (int i = 0; i < j; ++i) {
+      double s = covariance(i, j);
+      for (int k = j + 1; k < N; ++k) s -= U(i, k) * U(j, k);
+      U(i, j) = s / U(j, j);
     }
   }
   for (int j = 0; j < N; ++j)
-    for (int i = j; i < N; ++i) {
-      double t = i == j ? 1.0 : 0.0;
-      for (int k = j; k < i; ++k) t -= L(i, k) * inverse(k, j);
-      inverse(i, j) = t / L(i, i);
+    for (int i = j; i >= 0; --i) {
+      double s = i == j ? 1.0 : 0.0;
+      for (int k = i + 1; k <= j; ++k) s -= U(i, k) * W(k, j);
+      W(i, j) = s / U(i, i);
     }
-  return detail::whitener_of(inverse.transposed() * inverse);
+  return SqrtInformation(W);
 }
 
 }  // namespace oriel

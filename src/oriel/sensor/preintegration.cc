@@ -18,7 +18,7 @@ struct StepCoefficients {
     const ExpCoefficients<double> c(t);
     B = c.B;
     C = c.C;
-    D = t < so3_detail::kSeries ? so3_detail::alternating(t, 4) : (0.5 - B) / t;
+    D = t < so3_detail::kSeries ? so3_detail::alternating<4>(t) : (0.5 - B) / t;
   }
 };
 

@@ -54,7 +54,10 @@ bool Minimizer::start() {
   summary_.linear_solver = s.landmarks().empty()  ? "multifrontal"
                            : e_.schur_.dense() ? "landmark_schur_panel+multifrontal"
                                                : "landmark_schur+multifrontal";
-  lambda_ = options_.method == Method::gauss_newton ? 0.0 : options_.initial_lambda;
+  const double automatic = s.landmarks().empty() ? 1e-8 : 1e-4;
+  lambda_ = options_.method == Method::gauss_newton ? 0.0
+            : options_.initial_lambda > 0.0         ? options_.initial_lambda
+                                                    : automatic;
   e_.point_.take(*e_.graph_);
   evaluate(e_.point_, nullptr, e_.active_);
   cost_ = summary_.initial_cost = e_.active_.total;

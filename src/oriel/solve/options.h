@@ -28,7 +28,9 @@ struct SolveOptions {
   double function_tolerance = 1e-9;
   double gradient_tolerance = 1e-10;
   double step_tolerance = 1e-12;
-  double initial_lambda = 1e-8;  // relative to the diagonal of H
+  // Damping to begin with, relative to the diagonal of H. 0: 1e-4 where landmarks are eliminated (their depths are far
+  // from linear), 1e-8 elsewhere (a pose graph from a fair start is best left to Gauss–Newton).
+  double initial_lambda = 0.0;
   Duration deadline{0};          // comes back at most one stage after it; 0: none
   bool first_estimates = true;   // Jacobians at first estimates where a prior has fixed them
   bool trace = true;             // keep an IterationReport for each iteration

@@ -1,0 +1,13 @@
+// Checks of option values. A fault reads "--name: expected ..., found '...'".
+#pragma once
+#include <CLI/App.hpp>  // Validators.hpp does not stand alone
+#include <string>
+#include <vector>
+
+namespace oriel::apps {
+
+CLI::Validator whole_number(long long least, long long most);
+CLI::Validator number(double least, double most);
+CLI::Validator one_of(std::vector<std::string> words);
+
+}  // namespace oriel::apps

@@ -1,0 +1,151 @@
+#include "apps/batch_problem.h"
+
+#include <algorithm>
+#include <chrono>
+#include <span>
+#include <utility>
+
+#include "oriel/io/problem_format.h"
+#include "oriel/io/text.h"
+
+namespace oriel::apps {
+namespace {
+
+double seconds_now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+Result<std::variant<PoseGraphFile, BalFile>> read_problem(const std::string& path) {
+  using File = std::variant<PoseGraphFile, BalFile>;
+  const Result<std::string> text = read_text_file(path);
+  if (!text) return text.error();
+  const Result<ProblemFormat> format = detect_format(*text, path);
+  if (!format) return format.error();
+  if (*format == ProblemFormat::bal) {
+    Result<BalFile> file = parse_bal(*text, path);
+    if (!file) return file.error();
+    return File(std::move(*file));
+  }
+  Result<PoseGraphFile> file = parse_g2o(*text, path);
+  if (!file) return file.error();
+  return File(std::move(*file));
+}
+
+template <class Ids>
+Result<void> take(Result<Ids> added, BatchProblem& problem) {
+  if (!added) return added.error();
+  problem.ids = std::move(*added);
+  return {};
+}
+
+Result<void> build(BatchProblem& problem, const ProblemOptions& options) {
+  problem.graph = std::make_unique<Graph>();
+  if (const auto* bal = std::get_if<BalFile>(&problem.file)) {
+    if (options.start == StartChoice::odometry)
+      return Error{ErrorCode::bad_input, "expected --init file or auto: a BAL file has no odometry", problem.path};
+    return take(add_bundle_adjustment(*problem.graph, *bal, options.loss), problem);
+  }
+  const auto& file = std::get<PoseGraphFile>(problem.file);
+  PoseGraphOptions pose_graph{options.rotation_error, PoseStart::file, options.loss};
+  problem.start = pose_graph.start = choose_start(file, pose_graph, options.start);
+  if (file.is_3d) return take(add_pose_graph3(*problem.graph, file, pose_graph), problem);
+  return take(add_pose_graph2(*problem.graph, file, pose_graph), problem);
+}
+
+template <class Id>
+std::ptrdiff_t place_of(const std::vector<Id>& ids, const VariableKey& key) {
+  const auto it = std::find_if(ids.begin(), ids.end(), [&](const Id& id) { return VariableKey(id) == key; });
+  return it == ids.end() ? -1 : it - ids.begin();
+}
+
+template <class Ids>
+std::string pose_name(const Ids& ids, const BatchProblem& problem, const VariableKey& key) {
+  const std::ptrdiff_t place = place_of(ids.poses, key);
+  return place < 0 ? "" : "pose " + std::to_string(std::get<PoseGraphFile>(problem.file).ids[place]);
+}
+
+// As the file calls it, else as the graph does.
+std::string name_of(const BatchProblem& problem, const VariableKey& key) {
+  std::string name;
+  if (const auto* ba = std::get_if<BundleAdjustment>(&problem.ids)) {
+    const std::ptrdiff_t camera = place_of(ba->cameras, key), point = place_of(ba->points, key);
+    if (camera >= 0) name = "camera " + std::to_string(camera);
+    if (point >= 0) name = "point " + std::to_string(point);
+  } else if (const auto* planar = std::get_if<PoseGraph2>(&problem.ids)) {
+    name = pose_name(*planar, problem, key);
+  } else {
+    name = pose_name(std::get<PoseGraph3>(problem.ids), problem, key);
+  }
+  return name.empty() ? problem.graph->describe(key) : name;
+}
+
+std::string direction_text(const BatchProblem& problem, const UndeterminedDirection& direction) {
+  std::string text;
+  for (const UndeterminedScalar& s : direction.scalars) {
+    const VariableOps* ops = problem.graph->find_ops(s.id.type);
+    const bool named = ops != nullptr && static_cast<std::size_t>(s.tangent) < ops->tangent_names.size();
+    text += (text.empty() ? "" : ", ") + name_of(problem, s.id) + ": ";
+    text += named ? std::string(ops->tangent_names[s.tangent]) : "tangent " + std::to_string(s.tangent);
+  }
+  if (direction.variables > direction.scalars.size())
+    text += " (" + std::to_string(direction.variables) + " variables move together)";
+  return text;
+}
+
+}  // namespace
+
+std::size_t BatchProblem::poses() const {
+  const auto* bal = std::get_if<BalFile>(&file);
+  return bal != nullptr ? bal->cameras.size() : std::get<PoseGraphFile>(file).ids.size();
+}
+
+std::size_t BatchProblem::landmarks() const {
+  const auto* bal = std::get_if<BalFile>(&file);
+  return bal != nullptr ? bal->points.size() : 0;
+}
+
+Result<BatchProblem> load_problem(const std::string& path, const ProblemOptions& options) {
+  BatchProblem problem;
+  problem.path = path;
+  const double began = seconds_now();
+  auto file = read_problem(path);
+  if (!file) return file.error();
+  problem.file = std::move(*file);
+  const double read = seconds_now();
+  if (auto ok = build(problem, options); !ok) return ok.error();
+  problem.read_seconds = read - began;
+  problem.setup_seconds = seconds_now() - read;
+  return problem;
+}
+
+Result<void> write_problem(BatchProblem& problem, const std::string& path) {
+  if (auto* bal = std::get_if<BalFile>(&problem.file)) {
+    copy_values(*problem.graph, std::get<BundleAdjustment>(problem.ids), *bal);
+    return write_bal(path, *bal);
+  }
+  auto& file = std::get<PoseGraphFile>(problem.file);
+  if (file.is_3d)
+    copy_values(*problem.graph, std::get<PoseGraph3>(problem.ids), file);
+  else
+    copy_values(*problem.graph, std::get<PoseGraph2>(problem.ids), file);
+  return write_g2o(path, file);
+}
+
+std::string gauge_text(const BatchProblem& problem, const Summary& summary) {
+  if (std::holds_alternative<BalFile>(problem.file))
+    return "nothing held: rotation, translation and scale of the whole are free";
+  const auto& file = std::get<PoseGraphFile>(problem.file);
+  std::string text = "first pose held (id " + std::to_string(file.ids.front()) + ")";
+  if (file.fixed.size() == 1) text = "held by FIX (id " + std::to_string(file.ids[file.fixed[0]]) + ")";
+  if (file.fixed.size() > 1) text = "held by FIX (" + std::to_string(file.fixed.size()) + " poses)";
+  if (!summary.gauge.empty()) text += "; free in common: " + std::to_string(summary.gauge.size()) + " directions";
+  return text;
+}
+
+std::vector<std::string> undetermined_texts(const BatchProblem& problem, const Summary& summary) {
+  std::vector<std::string> texts;
+  for (const UndeterminedDirection& d : summary.undetermined) texts.push_back(direction_text(problem, d));
+  return texts;
+}
+
+}  // namespace oriel::apps

@@ -1,0 +1,47 @@
+// A problem file as `oriel solve` has it: read, turned into a graph, solved, and written back.
+#pragma once
+#include <memory>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "apps/pose_graph_start.h"
+#include "oriel/io/problem.h"
+#include "oriel/solve/summary.h"
+
+namespace oriel::apps {
+
+struct ProblemOptions {
+  RotationError rotation_error = RotationError::quaternion;
+  Loss loss;
+  StartChoice start = StartChoice::automatic;
+};
+
+struct BatchProblem {
+  std::string path;
+  std::variant<PoseGraphFile, BalFile> file;
+  std::variant<PoseGraph2, PoseGraph3, BundleAdjustment> ids;
+  std::unique_ptr<Graph> graph;  // engines point to it, so that it must not move
+  PoseStart start = PoseStart::file;
+  double read_seconds = 0.0;   // file → memory
+  double setup_seconds = 0.0;  // memory → graph and start
+
+  std::size_t poses() const;      // or cameras
+  std::size_t landmarks() const;  // points
+  std::size_t factors() const { return graph->factor_count(); }
+  const char* format() const { return std::holds_alternative<BalFile>(file) ? "bal" : "g2o"; }
+};
+
+// Format by content. Errors name the file, and the line where there is one.
+Result<BatchProblem> load_problem(const std::string& path, const ProblemOptions& options);
+
+// The graph's values, in the file's own format.
+Result<void> write_problem(BatchProblem& problem, const std::string& path);
+
+// What fixes the whole in space, e.g. "first pose held (id 0)".
+std::string gauge_text(const BatchProblem& problem, const Summary& summary);
+
+// What nothing determines, by the names of the file: "pose 17: translation x [m]". One text a direction.
+std::vector<std::string> undetermined_texts(const BatchProblem& problem, const Summary& summary);
+
+}  // namespace oriel::apps

@@ -1,0 +1,17 @@
+// The subcommands, each in its own file.
+#pragma once
+
+namespace CLI {
+class App;
+}
+
+namespace oriel::apps {
+
+using AddCommand = void (*)(CLI::App& app, int& exit_code);
+
+void add_solve_command(CLI::App& app, int& exit_code);
+void add_import_command(CLI::App& app, int& exit_code);
+void add_evaluate_command(CLI::App& app, int& exit_code);
+void add_demo_command(CLI::App& app, int& exit_code);
+
+}  // namespace oriel::apps

@@ -1,0 +1,134 @@
+// oriel solve FILE...
+#include <CLI/App.hpp>
+#include <cstdio>
+#include <memory>
+#include <vector>
+
+#include "apps/arguments.h"
+#include "apps/command.h"
+#include "apps/commands.h"
+#include "apps/solve_files.h"
+#include "oriel/io/text.h"
+
+namespace oriel::apps {
+namespace {
+
+// As they stand on the command line.
+struct SolveArguments {
+  std::vector<std::string> files;
+  std::string method = "lm", loss = "none", init = "auto", rotation_error = "quaternion", out, json;
+  int iterations = 100, threads = 1;
+  double deadline_ms = 0;
+};
+
+Result<Loss> parse_loss(const std::string& text) {
+  if (text == "none") return Loss::none();
+  const std::size_t colon = text.find(':');
+  const std::string name = text.substr(0, colon);
+  double scale = 0;
+  const bool has_scale =
+      colon != std::string::npos && parse_number(text.substr(colon + 1), scale) == NumberFault::none && scale > 0;
+  if (has_scale && name == "huber") return Huber(scale);
+  if (has_scale && name == "cauchy") return Cauchy(scale);
+  return Error{ErrorCode::bad_input,
+               "expected none, huber:SCALE or cauchy:SCALE with SCALE > 0, found " + quote_token(text)};
+}
+
+ProblemOptions problem_options(const SolveArguments& a) {
+  ProblemOptions options;
+  if (a.rotation_error == "log") options.rotation_error = RotationError::log;
+  if (a.init == "file") options.start = StartChoice::file;
+  if (a.init == "odometry") options.start = StartChoice::odometry;
+  options.loss = *parse_loss(a.loss);  // checked with the other arguments
+  return options;
+}
+
+SolveOptions solve_options(const SolveArguments& a) {
+  SolveOptions options;
+  if (a.method == "gn") options.method = Method::gauss_newton;
+  options.max_iterations = a.iterations;
+  options.threads = a.threads;
+  options.deadline = Duration::from_seconds(a.deadline_ms * 1e-3);
+  return options;
+}
+
+Result<void> check_targets(const SolveArguments& a) {
+  if (!a.out.empty() && a.files.size() > 1)
+    return Error{ErrorCode::bad_input, "--out: expected one FILE, found " + std::to_string(a.files.size())};
+  if (a.out == "-") return Error{ErrorCode::bad_input, "--out: expected a file, found '-'"};
+  if (auto ok = check_target(a.out); !ok) return ok;
+  return check_target(a.json);
+}
+
+// All files are read before the first is solved: a bad one among them ends the command with nothing done.
+Result<std::vector<BatchProblem>> load_all(const SolveArguments& a) {
+  std::vector<BatchProblem> problems;
+  for (const std::string& path : a.files) {
+    Result<BatchProblem> problem = load_problem(path, problem_options(a));
+    if (!problem) return problem.error();
+    problems.push_back(std::move(*problem));
+  }
+  return problems;
+}
+
+Result<int> solve_all(const SolveArguments& a) {
+  if (auto ok = check_targets(a); !ok) return ok.error();
+  Result<std::vector<BatchProblem>> problems = load_all(a);
+  if (!problems) return problems.error();
+  std::vector<SolvedFile> solved;
+  int exit_code = kSolved;
+  for (BatchProblem& problem : *problems) {
+    Result<SolvedFile> file = solve_problem(problem, solve_options(a), a.out);
+    if (!file) return file.error();
+    if (!file->summary.converged()) exit_code = kNotConverged;
+    if (a.json != "-") std::fputs(solve_text(*file).c_str(), stdout);
+    solved.push_back(std::move(*file));
+    problem = BatchProblem{};  // its memory is not the next one's
+  }
+  if (!a.json.empty())
+    if (auto ok = write_output(a.json, solve_json(solved)); !ok) return ok.error();
+  return exit_code;
+}
+
+int run(const SolveArguments& a) {
+  const Result<int> exit_code = solve_all(a);
+  return exit_code ? *exit_code : refuse(exit_code.error());
+}
+
+std::string fault_of_loss(const std::string& text) {
+  const Result<Loss> loss = parse_loss(text);
+  return loss ? "" : loss.error().message;
+}
+
+}  // namespace
+
+void add_solve_command(CLI::App& app, int& exit_code) {
+  const auto a = std::make_shared<SolveArguments>();
+  CLI::App* command = app.add_subcommand("solve", "Solves pose graphs (g2o) and bundle adjustments (BAL)");
+  command->add_option("FILE", a->files, "Problem files, g2o or BAL by their content")->required();
+  command->add_option("--method", a->method, "Levenberg-Marquardt or Gauss-Newton")
+      ->check(one_of({"lm", "gn"}))
+      ->capture_default_str();
+  command->add_option("--loss", a->loss, "none, huber:SCALE or cauchy:SCALE; SCALE in whitened units")
+      ->check(CLI::Validator(fault_of_loss, ""))
+      ->capture_default_str();
+  command->add_option("--init", a->init, "Start of the poses; auto: the one of lower cost")
+      ->check(one_of({"file", "odometry", "auto"}))
+      ->capture_default_str();
+  command->add_option("--iterations", a->iterations, "Most steps, rejected ones counted")
+      ->check(whole_number(0, 1'000'000))
+      ->capture_default_str();
+  command->add_option("--threads", a->threads, "The result has the same bits for any number")
+      ->check(whole_number(1, 256))
+      ->capture_default_str();
+  command->add_option("--deadline", a->deadline_ms, "Of each solve [ms]; the best values so far are kept")
+      ->check(number(1e-3, 1e9));
+  command->add_option("--rotation-error", a->rotation_error, "Of 3D edges: g2o's own, or the rotation vector")
+      ->check(one_of({"quaternion", "log"}))
+      ->capture_default_str();
+  command->add_option("--out", a->out, "The problem with the values found, in its own format");
+  command->add_option("--json", a->json, "Report, an array with one object a file; - is standard output");
+  command->callback([a, &exit_code] { exit_code = run(*a); });
+}
+
+}  // namespace oriel::apps

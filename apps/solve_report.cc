@@ -1,0 +1,77 @@
+#include "apps/solve_report.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+namespace oriel::apps {
+namespace {
+
+using Json = nlohmann::ordered_json;  // keys in the order in which they are written down here
+
+const char* name_of(Method method) { return method == Method::gauss_newton ? "gn" : "lm"; }
+const char* name_of(PoseStart start) { return start == PoseStart::file ? "file" : "odometry"; }
+
+Json trace_json(const Summary& summary) {
+  Json trace = Json::array();
+  for (const IterationReport& r : summary.trace) trace.push_back({{"seconds", r.seconds}, {"cost", r.cost}});
+  return trace;
+}
+
+Json object_of(const SolvedFile& f) {
+  const Summary& s = f.summary;
+  Json o;
+  o["file"] = f.path;
+  o["format"] = f.format;
+  o["poses"] = f.poses;
+  o["landmarks"] = f.landmarks;
+  o["factors"] = f.factors;
+  o["invalid_factors"] = s.invalid_factors;
+  o["self_edges_left_out"] = f.self_edges_left_out;
+  o["start"] = name_of(f.start);
+  o["initial_cost"] = s.initial_cost;
+  o["final_cost"] = s.final_cost;
+  o["trace"] = trace_json(s);
+  o["iterations"] = s.iterations;
+  o["converged"] = s.converged();
+  o["reason"] = s.reason_text();
+  o["method"] = name_of(s.method);
+  o["linear_solver"] = s.linear_solver;
+  o["threads"] = f.threads;
+  o["seconds"] = {
+      {"read", f.read_seconds}, {"setup", f.setup_seconds}, {"solve", s.seconds.total}, {"total", f.total_seconds}};
+  o["peak_rss_mb"] = f.peak_rss_mb;
+  o["gauge"] = f.gauge;
+  o["undetermined"] = f.undetermined;
+  return o;
+}
+
+}  // namespace
+
+std::string solve_json(const std::vector<SolvedFile>& files) {
+  Json array = Json::array();
+  for (const SolvedFile& f : files) array.push_back(object_of(f));
+  // Not finite becomes null of itself; a path that is no UTF-8 must not end the program.
+  return array.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string solve_text(const SolvedFile& f) {
+  const Summary& s = f.summary;
+  std::string out = fmt::format("{}: {}, {} poses, ", f.path, f.format, f.poses);
+  if (f.landmarks > 0) out += fmt::format("{} landmarks, ", f.landmarks);
+  out += fmt::format("{} factors, start from {}\n", f.factors, name_of(f.start));
+  if (f.self_edges_left_out > 0)
+    out += fmt::format("  edges from a pose to itself, left out: {}\n", f.self_edges_left_out);
+  if (s.invalid_factors > 0) out += fmt::format("  factors that are not valid at the end: {}\n", s.invalid_factors);
+  out += fmt::format("  cost {:.9g} -> {:.9g} in {} iterations ({}, {}, threads {})\n", s.initial_cost, s.final_cost,
+                     s.iterations, name_of(s.method), s.linear_solver, f.threads);
+  out += fmt::format("  {}: {}\n", s.converged() ? "converged" : "NOT converged", s.reason_text());
+  out += fmt::format("  time: read {:.1f}, setup {:.1f}, solve {:.1f}, total {:.1f} ms; memory {:.0f} MB\n",
+                     f.read_seconds * 1e3, f.setup_seconds * 1e3, s.seconds.total * 1e3, f.total_seconds * 1e3,
+                     f.peak_rss_mb);
+  out += fmt::format("  gauge: {}\n", f.gauge);
+  for (const std::string& direction : f.undetermined) out += fmt::format("  undetermined: {}\n", direction);
+  return out;
+}
+
+}  // namespace oriel::apps

@@ -1,0 +1,26 @@
+// What `oriel solve` says of a file: for people, and as JSON.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "apps/batch_problem.h"
+
+namespace oriel::apps {
+
+struct SolvedFile {
+  std::string path, format, gauge;
+  std::size_t poses = 0, landmarks = 0, factors = 0;
+  std::int64_t self_edges_left_out = 0;
+  PoseStart start = PoseStart::file;
+  int threads = 1;
+  double read_seconds = 0.0, setup_seconds = 0.0, total_seconds = 0.0;  // total: writing the result included
+  double peak_rss_mb = 0.0;
+  std::vector<std::string> undetermined;
+  Summary summary;
+};
+
+// One array, one object a file; its keys are described in docs/command.md. NaN and infinities are null.
+std::string solve_json(const std::vector<SolvedFile>& files);
+std::string solve_text(const SolvedFile& file);
+
+}  // namespace oriel::apps

@@ -1,0 +1,119 @@
+#include "benchmarks/support/oriel_window.h"
+
+#include "benchmarks/support/clocks.h"
+
+namespace oriel::benchmark {
+
+OrielWindow::OrielWindow(const WindowData& data, const WindowOptions& options) : data_(data), options_(options) {
+  solve_options_.max_iterations = options.iterations;
+  solve_options_.initial_lambda = options.initial_lambda;
+  solve_options_.first_estimates = options.first_estimates;
+  solve_options_.function_tolerance = solve_options_.gradient_tolerance = solve_options_.step_tolerance = 0.0;
+  solve_options_.trace = false;
+  fold_options_.landmarks = LandmarkPolicy::close;
+  fold_options_.first_estimates = options.first_estimates;
+  landmarks_.resize(data.stream.tracks.size());
+  states_.reserve(static_cast<std::size_t>(options.window) + 1);
+}
+
+SlideReport OrielWindow::slide() {
+  SlideReport report;
+  const double cpu0 = cpu_seconds(), t0 = wall_seconds();
+  edit_.clear();
+  if (next_ == 0)
+    add_first_state();
+  else
+    add_state(next_);
+  add_observations(next_);
+  apply(edit_);
+  const double t1 = wall_seconds();
+  summary_ = engine_.solve(solve_options_);
+  const double t2 = wall_seconds();
+  ++next_;
+  if (std::ssize(states_) == options_.window) fold_oldest();
+  const double t3 = wall_seconds();
+  report.cpu = cpu_seconds() - cpu0;
+  report.build = t1 - t0, report.solve = t2 - t1, report.fold = t3 - t2, report.wall = t3 - t0;
+  count(report);
+  return report;
+}
+
+void OrielWindow::add_first_state() {
+  rig_ = edit_.add(data_.stream.rig);
+  const FirstState first = first_state(data_);
+  const State s{0, edit_.add(first.T_world_body), edit_.add(first.v), edit_.add(first.bias)};
+  states_.push_back(s);
+  const double sigma[15] = {kStartRotation, kStartRotation, kStartRotation,  kStartPosition,  kStartPosition,
+                            kStartPosition, kStartVelocity, kStartVelocity,  kStartVelocity,  kStartGyroBias,
+                            kStartGyroBias, kStartGyroBias, kStartAccelBias, kStartAccelBias, kStartAccelBias};
+  LinearPrior prior;
+  prior.variables = {s.pose, s.v, s.bias};
+  auto append = [&prior](const auto& value) {
+    double numbers[sizeof(value) / sizeof(double)];
+    std::memcpy(numbers, &value, sizeof(value));
+    prior.estimates.insert(prior.estimates.end(), std::begin(numbers), std::end(numbers));
+  };
+  append(first.T_world_body), append(first.v), append(first.bias);
+  prior.rows = prior.cols = 15;
+  prior.d.assign(15, 0.0);
+  prior.R.assign(15 * 15, 0.0);
+  for (int i = 0; i < 15; ++i) prior.R[i * 16] = 1.0 / sigma[i];
+  edit_.add(prior);
+}
+
+void OrielWindow::add_state(int k) {
+  const State last = states_.back();
+  const SimulatedKeyframe& frame = data_.stream.keyframes[k];
+  const ImuBiasd bias = graph_.value(last.bias);
+  const PredictedState next = predict_state(frame.motion.motion, graph_.value(last.pose), graph_.value(last.v), bias);
+  const State s{k, edit_.add(next.T_world_body), edit_.add(next.v), edit_.add(bias)};
+  states_.push_back(s);
+  edit_.add(ImuResiduald{frame.motion.motion}, data_.imu_noise[k], last.pose, last.v, last.bias, s.pose, s.v, s.bias);
+}
+
+const OrielWindow::State& OrielWindow::state_of(int k) const { return states_[k - states_.front().keyframe]; }
+
+void OrielWindow::add_observations(int k) {
+  for (const SimulatedObservation& o : data_.stream.keyframes[k].observations)
+    add_observation(o, state_of(data_.stream.tracks[o.track].anchor), state_of(k));
+}
+
+void OrielWindow::add_observation(const SimulatedObservation& o, const State& anchor, const State& state) {
+  const SimulatedTrack& track = data_.stream.tracks[o.track];
+  const bool at_anchor = anchor.keyframe == state.keyframe;
+  if (at_anchor && !options_.stereo) return;  // it is its own bearing
+  Landmark& landmark = landmarks_[o.track];
+  if (!landmark.exists) {
+    landmark = {edit_.add(InverseDepthd{track.first_guess}), true};
+  }
+  const IsotropicNoise noise = Sigma(options_.pixel_sigma);
+  if (at_anchor)
+    edit_.add(AnchorReprojectiond{track.bearing, o.pixel1}, noise, options_.loss, landmark.id, rig_);
+  else if (options_.stereo)
+    edit_.add(StereoReprojectiond{track.bearing, o.pixel0, o.pixel1}, noise, options_.loss, anchor.pose, state.pose,
+              landmark.id, rig_);
+  else
+    edit_.add(MonoReprojectiond{track.bearing, o.pixel0}, noise, options_.loss, anchor.pose, state.pose, landmark.id,
+              rig_);
+}
+
+void OrielWindow::apply(GraphEdit& edit) {
+  if (auto ok = graph_.apply(edit); !ok && error_.empty()) error_ = ok.error().text();
+}
+
+void OrielWindow::fold_oldest() {
+  const State& oldest = states_.front();
+  const VariableKey leaving[] = {oldest.pose, oldest.v, oldest.bias};
+  const auto report = marginalizer_.marginalize(graph_, leaving, fold_options_, fold_edit_);
+  if (!report && error_.empty()) error_ = report.error().text();
+  apply(fold_edit_);
+  states_.erase(states_.begin());
+}
+
+void OrielWindow::count(SlideReport& report) const {
+  report.initial_cost = summary_.initial_cost;
+  report.final_cost = summary_.final_cost;
+  report.iterations = summary_.iterations;
+}
+
+}  // namespace oriel::benchmark

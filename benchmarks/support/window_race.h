@@ -1,0 +1,51 @@
+// What both sides of the window benchmark are told, and what they report of each slide.
+#pragma once
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "oriel/residual/imu_residual.h"
+#include "oriel/residual/loss.h"
+#include "oriel/testing/simulated_window.h"
+
+namespace oriel::benchmark {
+
+struct WindowOptions {
+  bool stereo = true;
+  int window = 10;     // keyframes at the solve
+  int iterations = 4;  // of Levenberg–Marquardt, accepted or rejected
+  double initial_lambda = 1e-4;
+  bool first_estimates = true;  // all Jacobians at first estimates, where a prior has fixed them
+  double pixel_sigma = 1.0;     // [px]
+  Loss loss;                    // of reprojections
+};
+
+// How well the first state is known.
+inline constexpr double kStartRotation = 1e-3, kStartPosition = 1e-3, kStartVelocity = 1e-2;  // [rad, m, m/s]
+inline constexpr double kStartGyroBias = 1e-2, kStartAccelBias = 5e-2;                        // [rad/s, m/s²]
+
+// The stream, and the noise of its IMU factors: both are made from measurements before any clock runs.
+struct WindowData {
+  SimulatedWindow stream;
+  std::vector<FullNoise<15>> imu_noise;  // by keyframe; nothing in the first
+};
+
+// The state of the first keyframe, off the truth by about what its prior says.
+struct FirstState {
+  Pose3d T_world_body;
+  Velocity3d v;
+  ImuBiasd bias;
+};
+FirstState first_state(const WindowData& data);
+WindowData simulate(const SimulatedWindowOptions& options);
+
+struct SlideReport {
+  double initial_cost = 0.0, final_cost = 0.0;
+  int iterations = 0;
+  int landmarks = 0, reprojections = 0, residual_rows = 0;
+  // [s]; build: edits and their application, or the Problem; fold: marginalization and the slide itself.
+  double build = 0.0, solve = 0.0, fold = 0.0;
+  double wall = 0.0, cpu = 0.0;  // of the whole update
+};
+
+}  // namespace oriel::benchmark

@@ -1,0 +1,342 @@
+#include "oriel/window/marginal_scope.h"
+
+#include <algorithm>
+
+namespace oriel {
+namespace {
+
+using Role = MarginalVariable::Role;
+
+// Grows a column of marks; its length is that of the graph's, so a steady window leaves it alone.
+template <class T>
+void cover(std::vector<T>& column, std::size_t extent) {
+  if (column.size() < extent) column.resize(extent + extent / 2);
+}
+
+}  // namespace
+
+template <class F>
+void MarginalScope::for_each_variable(const Graph& graph, std::span<const VariableRef> refs, F&& f) const {
+  for (const VariableRef& ref : refs) {
+    const std::int32_t at = find(ref.pool, graph.pools()[ref.pool]->slots().dense(ref.slot));
+    if (at >= 0) f(at);
+  }
+}
+
+Result<void> MarginalScope::collect(const Graph& graph, std::span<const VariableKey> leaving, LandmarkPolicy policy) {
+  reset(graph);
+  for (const VariableKey& id : leaving)
+    if (auto ok = add_leaving(graph, id); !ok) return ok;
+  const auto asked = static_cast<std::int32_t>(variables_.size());
+  for (std::int32_t i = 0; i < asked; ++i) judge_landmarks(graph, i, policy);
+  const auto gone = static_cast<std::int32_t>(variables_.size());
+  for (std::int32_t i = 0; i < gone; ++i)
+    if (variables_[i].role == Role::leaving) absorb_factors(graph, i);
+  rank_types(graph);
+  sort_variables();
+  choose_landmarks(graph);
+  find_components(graph);
+  place_columns();
+  sort_rows(graph);
+  return {};
+}
+
+void MarginalScope::reset(const Graph& graph) {
+  ++stamp_;
+  variables_.clear();
+  rows_.clear();
+  priors_.clear();
+  components_.clear();
+  ordered_.clear();
+  closed_landmarks = leaving_landmarks = kept_landmarks = dropped_landmarks = dropped_factors = 0;
+  if (marks_.size() < graph.pools().size()) marks_.resize(graph.pools().size());
+  for (std::size_t p = 0; p < graph.pools().size(); ++p) cover(marks_[p], graph.pools()[p]->extent());
+  if (row_stamps_.size() < graph.tables().size()) row_stamps_.resize(graph.tables().size());
+  for (std::size_t t = 0; t < graph.tables().size(); ++t) cover(row_stamps_[t], graph.tables()[t]->extent());
+  cover(prior_stamps_, graph.priors().extent());
+}
+
+std::int32_t MarginalScope::find(std::uint32_t pool, std::uint32_t dense) const {
+  const Mark& m = marks_[pool][dense];
+  return m.stamp == stamp_ ? m.at : -1;
+}
+
+std::int32_t MarginalScope::add(const Graph& graph, std::uint32_t pool, std::uint32_t dense) {
+  const VariablePool& p = *graph.pools()[pool];
+  if (p.ops().dim == 0) return -1;
+  Mark& mark = marks_[pool][dense];
+  if (mark.stamp == stamp_) return mark.at;
+  mark = {stamp_, static_cast<std::int32_t>(variables_.size())};
+  MarginalVariable v;
+  v.id = {p.ops().key, p.slots().key(dense)};
+  v.pool = pool, v.dense = dense;
+  v.dim = p.ops().dim;
+  v.fixed = p.fixed(dense);
+  v.landmark = p.ops().landmark;
+  variables_.push_back(v);
+  return mark.at;
+}
+
+Result<void> MarginalScope::add_leaving(const Graph& graph, VariableKey id) {
+  std::uint32_t pool = 0;
+  while (pool < graph.pools().size() && graph.pools()[pool]->ops().key != id.type) ++pool;
+  const std::uint32_t dense =
+      pool == graph.pools().size() ? SlotIndex::kNone : graph.pools()[pool]->slots().find(id.key);
+  if (dense == SlotIndex::kNone)
+    return Error{ErrorCode::stale_id, "marginalize: " + graph.describe(id) + " is not in the graph"};
+  if (find(pool, dense) >= 0)
+    return Error{ErrorCode::duplicate, "marginalize: " + graph.describe(id) + " is named twice"};
+  const std::int32_t at = add(graph, pool, dense);
+  if (at < 0)
+    return Error{ErrorCode::bad_input, "marginalize: " + graph.describe(id) + " is a constant, expected a variable"};
+  variables_[at].role = Role::leaving;
+  return {};
+}
+
+void MarginalScope::judge_landmarks(const Graph& graph, std::int32_t at, LandmarkPolicy policy) {
+  const VariableKey id = variables_[at].id;
+  graph.for_each_factor(id, [&](std::uint32_t table, std::uint32_t row) {
+    if (table == Graph::kPriorTable) return;
+    for (const VariableRef& ref : graph.tables()[table]->variables(row)) {
+      const VariablePool& pool = *graph.pools()[ref.pool];
+      const std::uint32_t dense = pool.slots().dense(ref.slot);
+      if (!pool.ops().landmark || pool.fixed(dense) || find(ref.pool, dense) >= 0) continue;
+      judge_landmark(graph, add(graph, ref.pool, dense), policy);
+    }
+  });
+}
+
+void MarginalScope::judge_landmark(const Graph& graph, std::int32_t at, LandmarkPolicy policy) {
+  if (seen_by_leaving_alone(graph, at)) {
+    variables_[at].role = Role::leaving;
+    ++leaving_landmarks;
+  } else if (policy == LandmarkPolicy::keep) {
+    ++kept_landmarks;
+  } else if (policy == LandmarkPolicy::close) {
+    variables_[at].role = Role::leaving;
+    ++closed_landmarks;
+  } else {
+    drop(graph, at);
+  }
+}
+
+bool MarginalScope::seen_by_leaving_alone(const Graph& graph, std::int32_t at) const {
+  bool alone = true;
+  auto look = [&](const VariableRef& ref) {
+    const VariablePool& pool = *graph.pools()[ref.pool];
+    if (pool.ops().dim == 0) return;
+    const std::int32_t other = find(ref.pool, pool.slots().dense(ref.slot));
+    // A landmark that was closed or dropped a moment ago does not make this one's other observers leave.
+    alone = alone && (other == at || (other >= 0 && variables_[other].role == Role::leaving));
+  };
+  graph.for_each_factor(variables_[at].id, [&](std::uint32_t table, std::uint32_t row) {
+    const auto refs = table == Graph::kPriorTable ? graph.priors().variables(row) : graph.tables()[table]->variables(row);
+    for (const VariableRef& ref : refs) look(ref);
+  });
+  return alone;
+}
+
+// Its factors are claimed, so that nobody absorbs them. What an absorbed prior says of it is marginalized, not lost.
+void MarginalScope::drop(const Graph& graph, std::int32_t at) {
+  ++dropped_landmarks;
+  variables_[at].role = Role::dropped;
+  graph.for_each_factor(variables_[at].id, [&](std::uint32_t table, std::uint32_t row) {
+    if (table == Graph::kPriorTable)
+      variables_[at].role = Role::leaving;
+    else if (claim(row_stamps_[table], row))
+      ++dropped_factors;
+  });
+}
+
+bool MarginalScope::claim(std::vector<std::uint32_t>& stamps, std::uint32_t row) {
+  if (stamps[row] == stamp_) return false;
+  stamps[row] = stamp_;
+  return true;
+}
+
+void MarginalScope::absorb_factors(const Graph& graph, std::int32_t at) {
+  const VariableKey id = variables_[at].id;
+  graph.for_each_factor(id, [&](std::uint32_t table, std::uint32_t row) {
+    if (table == Graph::kPriorTable) {
+      if (claim(prior_stamps_, row)) absorb_prior(graph, row);
+    } else if (claim(row_stamps_[table], row)) {
+      absorb_row(graph, table, row);
+    }
+  });
+}
+
+void MarginalScope::absorb_row(const Graph& graph, std::uint32_t table, std::uint32_t row) {
+  for (const VariableRef& ref : graph.tables()[table]->variables(row))
+    add(graph, ref.pool, graph.pools()[ref.pool]->slots().dense(ref.slot));
+  MarginalRow r;
+  r.table = table, r.row = row;
+  rows_.push_back(r);
+}
+
+void MarginalScope::absorb_prior(const Graph& graph, std::uint32_t row) {
+  for (const VariableRef& ref : graph.priors().variables(row))
+    variables_[add(graph, ref.pool, graph.pools()[ref.pool]->slots().dense(ref.slot))].in_prior = true;
+  priors_.push_back({row, -1});
+}
+
+void MarginalScope::rank_types(const Graph& graph) {
+  auto rank = [this](std::size_t n, std::vector<std::uint32_t>& ranks, auto less) {
+    types_.resize(n);
+    for (std::uint32_t i = 0; i < n; ++i) types_[i] = i;
+    std::sort(types_.begin(), types_.end(), less);
+    ranks.resize(n);
+    for (std::uint32_t i = 0; i < n; ++i) ranks[types_[i]] = i;
+  };
+  const auto& pools = graph.pools();
+  rank(pools.size(), pool_rank_, [&](auto a, auto b) { return pools[a]->ops().name < pools[b]->ops().name; });
+  const auto& tables = graph.tables();
+  rank(tables.size(), table_rank_, [&](auto a, auto b) {
+    const FactorOps &x = tables[a]->ops(), &y = tables[b]->ops();
+    return x.residual != y.residual ? x.residual < y.residual : x.noise < y.noise;
+  });
+}
+
+// Dense positions are in the order of serials.
+void MarginalScope::sort_variables() {
+  std::sort(variables_.begin(), variables_.end(), [this](const MarginalVariable& a, const MarginalVariable& b) {
+    return a.pool != b.pool ? pool_rank_[a.pool] < pool_rank_[b.pool] : a.dense < b.dense;
+  });
+  for (std::size_t i = 0; i < variables_.size(); ++i)
+    marks_[variables_[i].pool][variables_[i].dense].at = static_cast<std::int32_t>(i);
+}
+
+// A landmark is eliminated on its own if no prior and no factor ties it to another such one; of two that share a
+// factor, the later one is an ordinary leaving variable.
+void MarginalScope::choose_landmarks(const Graph& graph) {
+  for (MarginalVariable& v : variables_)
+    v.eliminated = v.landmark && v.role == Role::leaving && !v.in_prior && !v.fixed && v.dim <= 3;
+  for (const MarginalRow& r : rows_) {
+    std::int32_t first = -1;
+    for_each_variable(graph, graph.tables()[r.table]->variables(r.row), [&](std::int32_t at) {
+      if (!variables_[at].eliminated || at == first) return;
+      if (first >= 0) variables_[std::max(first, at)].eliminated = false;
+      first = first >= 0 ? std::min(first, at) : at;
+    });
+  }
+  for (const MarginalRow& r : rows_) {
+    const auto refs = graph.tables()[r.table]->variables(r.row);
+    bool landmark = false;
+    for_each_variable(graph, refs, [&](std::int32_t at) { landmark = landmark || variables_[at].eliminated; });
+    if (landmark) for_each_variable(graph, refs, [&](std::int32_t at) { variables_[at].seen = true; });
+  }
+}
+
+std::int32_t MarginalScope::root(std::int32_t v) {
+  while (parent_[v] != v) v = parent_[v] = parent_[parent_[v]];
+  return v;
+}
+
+void MarginalScope::connect(std::int32_t a, std::int32_t b) {
+  const std::int32_t x = root(a), y = root(b);
+  parent_[std::max(x, y)] = std::min(x, y);
+}
+
+void MarginalScope::find_components(const Graph& graph) {
+  parent_.resize(variables_.size());
+  for (std::size_t i = 0; i < parent_.size(); ++i) parent_[i] = static_cast<std::int32_t>(i);
+  auto first_of = [&](std::span<const VariableRef> refs) {
+    std::int32_t first = -1;
+    for_each_variable(graph, refs, [&](std::int32_t at) {
+      if (!variables_[at].has_columns()) return;
+      if (first < 0) first = at;
+      connect(first, at);
+    });
+    return first;
+  };
+  for (MarginalRow& r : rows_) r.component = first_of(graph.tables()[r.table]->variables(r.row));
+  for (MarginalPrior& p : priors_) p.component = first_of(graph.priors().variables(p.row));
+  for (std::size_t i = 0; i < variables_.size(); ++i) {
+    MarginalVariable& v = variables_[i];
+    if (!v.has_columns()) continue;
+    const std::int32_t top = root(static_cast<std::int32_t>(i));  // never after i: it has its number
+    if (top == static_cast<std::int32_t>(i)) {
+      v.component = static_cast<std::int32_t>(components_.size());
+      components_.emplace_back();
+    } else {
+      v.component = variables_[top].component;
+    }
+  }
+  for (MarginalRow& r : rows_) r.component = r.component < 0 ? -1 : variables_[r.component].component;
+  for (MarginalPrior& p : priors_) p.component = p.component < 0 ? -1 : variables_[p.component].component;
+}
+
+// Columns: leaving variables first; those that see eliminated landmarks stand together, leaving or not, so that what
+// the landmarks take away is one contiguous square.
+void MarginalScope::place_columns() {
+  keys_.clear();
+  for (std::size_t i = 0; i < variables_.size(); ++i) {
+    const MarginalVariable& v = variables_[i];
+    if (!v.has_columns()) continue;
+    const std::uint64_t kind = v.eliminated ? 0 : v.role == Role::leaving ? 1 + v.seen : 4 - v.seen;
+    keys_.push_back((static_cast<std::uint64_t>(v.component) << 40) | (kind << 32) | i);
+  }
+  std::sort(keys_.begin(), keys_.end());
+  int slot = 0, chunk_column = 0;
+  for (const std::uint64_t key : keys_) {
+    const auto i = static_cast<std::uint32_t>(key);
+    MarginalVariable& v = variables_[i];
+    MarginalComponent& c = components_[v.component];
+    if (c.variables_end == 0) c.variables_begin = static_cast<std::uint32_t>(ordered_.size()), slot = 0;
+    ordered_.push_back(i);
+    c.variables_end = static_cast<std::uint32_t>(ordered_.size());
+    if (v.eliminated) {
+      if (slot % kChunk == 0) chunk_column = 0;
+      v.column = c.landmark_dim;
+      v.chunk = slot / kChunk, v.chunk_slot = slot % kChunk, v.chunk_column = chunk_column;
+      ++slot, c.landmark_dim += v.dim, chunk_column += v.dim;
+      continue;
+    }
+    v.column = c.dim();
+    (v.role == Role::leaving ? c.leaving_dim : c.staying_dim) += v.dim;
+    if (!v.seen) continue;
+    if (c.seen_end == 0) c.seen_begin = v.column;
+    c.seen_end = c.dim();
+  }
+}
+
+// By component, chunk of landmarks and table; rows of a table that touch the same variables, landmarks apart, follow
+// each other.
+void MarginalScope::sort_rows(const Graph& graph) {
+  std::erase_if(rows_, [](const MarginalRow& r) { return r.component < 0; });  // all it touches is known
+  for (MarginalRow& r : rows_) {
+    std::uint64_t pair = 0;
+    r.chunk = 0;
+    for_each_variable(graph, graph.tables()[r.table]->variables(r.row), [&](std::int32_t at) {
+      if (variables_[at].eliminated)
+        r.chunk = variables_[at].chunk;
+      else if (pair < (1u << 16))
+        pair = (pair << 16) | ((static_cast<std::uint64_t>(at) + 1) & 0xffffu);
+    });
+    r.major = (static_cast<std::uint64_t>(r.component) << 40) | (static_cast<std::uint64_t>(r.chunk) << 16) |
+              table_rank_[r.table];
+    r.minor = (pair << 32) | r.row;
+  }
+  std::sort(rows_.begin(), rows_.end(), [](const MarginalRow& a, const MarginalRow& b) {
+    return a.major != b.major ? a.major < b.major : a.minor < b.minor;
+  });
+  std::sort(priors_.begin(), priors_.end(), [](const MarginalPrior& a, const MarginalPrior& b) {
+    return a.component != b.component ? a.component < b.component : a.row < b.row;
+  });
+  auto slice = [](const auto& items, auto begin, auto end) {
+    for (std::uint32_t i = 0; i < items.size(); ++i) begin(items[i].component, i), end(items[i].component, i + 1);
+  };
+  auto limits = [&](auto& items, auto MarginalComponent::*begin, auto MarginalComponent::*end) {
+    slice(
+        items,
+        [&](std::int32_t c, std::uint32_t i) {
+          if (c >= 0 && components_[c].*end == 0) components_[c].*begin = i;
+        },
+        [&](std::int32_t c, std::uint32_t i) {
+          if (c >= 0) components_[c].*end = i;
+        });
+  };
+  limits(rows_, &MarginalComponent::rows_begin, &MarginalComponent::rows_end);
+  limits(priors_, &MarginalComponent::priors_begin, &MarginalComponent::priors_end);
+}
+
+}  // namespace oriel

@@ -1,0 +1,121 @@
+// What a marginalization is about: which variables leave, which factors are used up by that, and whom they touch. No
+// numbers yet. Everything here is a function of the live graph, not of how its lists happen to be linked: variables and
+// tables are walked by type name and serial, so a replica comes to the same sums in the same order (decision 5).
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "oriel/base/result.h"
+#include "oriel/graph/graph.h"
+
+namespace oriel {
+
+// What becomes of a landmark that both leaving and staying variables see (decision 10).
+enum class LandmarkPolicy {
+  keep,   // it stays and joins the prior: exact
+  close,  // it leaves too and all its factors are used up: the prior is on every pose that saw it
+  drop,   // it leaves with its factors, which are not absorbed
+};
+
+// A variable that leaves, or that a used-up factor touches.
+struct MarginalVariable {
+  enum class Role : std::uint8_t { staying, leaving, dropped };
+  VariableKey id;
+  std::uint32_t pool = 0, dense = 0;
+  int dim = 0;
+  Role role = Role::staying;
+  bool fixed = false;      // known: no columns, its value is taken as it is
+  bool landmark = false;   // by type
+  bool in_prior = false;   // an absorbed prior has columns of it
+  bool eliminated = false; // a leaving landmark that is eliminated on its own, before the rest
+  bool seen = false;       // shares a factor with an eliminated landmark
+  std::int32_t component = -1;
+  // Of its first scalar: among the component's columns, leaving ones first; of an eliminated landmark, among those.
+  std::int32_t column = -1;
+  std::int32_t chunk = 0, chunk_slot = 0, chunk_column = 0;  // of an eliminated landmark
+
+  bool has_columns() const { return !fixed && role != Role::dropped; }
+};
+
+struct MarginalRow {
+  std::uint64_t major = 0, minor = 0;  // what it is sorted by
+  std::uint32_t table = 0, row = 0;
+  std::int32_t component = -1, chunk = 0;
+};
+
+struct MarginalPrior {
+  std::uint32_t row = 0;
+  std::int32_t component = -1;
+};
+
+// Variables that absorbed factors connect. Each has a prior of its own, so disjoint ones stay separate (M11).
+struct MarginalComponent {
+  int landmark_dim = 0, leaving_dim = 0, staying_dim = 0;
+  int seen_begin = 0, seen_end = 0;              // columns of variables that see eliminated landmarks
+  std::uint32_t variables_begin = 0, variables_end = 0;  // in ordered()
+  std::uint32_t rows_begin = 0, rows_end = 0, priors_begin = 0, priors_end = 0;
+  int dim() const { return leaving_dim + staying_dim; }
+};
+
+class MarginalScope {
+ public:
+  static constexpr int kChunk = 64;  // landmarks that are eliminated together
+
+  // Refused, with the variable named: an unknown or stale id, the same twice, a constant. The graph is not changed.
+  Result<void> collect(const Graph& graph, std::span<const VariableKey> leaving, LandmarkPolicy policy);
+
+  const std::vector<MarginalVariable>& variables() const { return variables_; }
+  const std::vector<MarginalRow>& rows() const { return rows_; }
+  const std::vector<MarginalPrior>& priors() const { return priors_; }
+  const std::vector<MarginalComponent>& components() const { return components_; }
+  // Variables with columns: component by component, eliminated landmarks first, then in the order of columns.
+  const std::vector<std::uint32_t>& ordered() const { return ordered_; }
+  // Place in variables(); -1 for what is not in scope (constants).
+  std::int32_t find(std::uint32_t pool, std::uint32_t dense) const;
+
+  int closed_landmarks = 0, leaving_landmarks = 0, kept_landmarks = 0, dropped_landmarks = 0, dropped_factors = 0;
+
+ private:
+  struct Mark {
+    std::uint32_t stamp = 0;
+    std::int32_t at = 0;
+  };
+  void reset(const Graph& graph);
+  Result<void> add_leaving(const Graph& graph, VariableKey id);
+  std::int32_t add(const Graph& graph, std::uint32_t pool, std::uint32_t dense);
+  void judge_landmarks(const Graph& graph, std::int32_t at, LandmarkPolicy policy);
+  void judge_landmark(const Graph& graph, std::int32_t at, LandmarkPolicy policy);
+  bool seen_by_leaving_alone(const Graph& graph, std::int32_t at) const;
+  void drop(const Graph& graph, std::int32_t at);
+  bool claim(std::vector<std::uint32_t>& stamps, std::uint32_t row);
+  void absorb_factors(const Graph& graph, std::int32_t at);
+  void absorb_row(const Graph& graph, std::uint32_t table, std::uint32_t row);
+  void absorb_prior(const Graph& graph, std::uint32_t row);
+  void rank_types(const Graph& graph);
+  void sort_variables();
+  void choose_landmarks(const Graph& graph);
+  void find_components(const Graph& graph);
+  void place_columns();
+  void sort_rows(const Graph& graph);
+  std::int32_t root(std::int32_t v);
+  void connect(std::int32_t a, std::int32_t b);
+  template <class F>
+  void for_each_variable(const Graph& graph, std::span<const VariableRef> refs, F&& f) const;
+
+  std::vector<MarginalVariable> variables_;
+  std::vector<MarginalRow> rows_;
+  std::vector<MarginalPrior> priors_;
+  std::vector<MarginalComponent> components_;
+  std::vector<std::uint32_t> ordered_;
+
+  std::uint32_t stamp_ = 0;
+  std::vector<std::vector<Mark>> marks_;                 // by pool and dense position
+  std::vector<std::vector<std::uint32_t>> row_stamps_;   // by table and row
+  std::vector<std::uint32_t> prior_stamps_;
+  std::vector<std::uint32_t> pool_rank_, table_rank_, types_;
+  std::vector<std::int32_t> parent_;
+  std::vector<std::uint64_t> keys_;
+};
+
+}  // namespace oriel
