@@ -17,6 +17,7 @@ constexpr AddCommand kCommands[] = {
     add_solve_command,
     add_import_command,
     add_evaluate_command,
+    add_run_command,
     add_demo_command,
 };
 

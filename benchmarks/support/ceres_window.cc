@@ -123,10 +123,9 @@ void CeresWindow::predict(int k) {
 
 void CeresWindow::add_views(int k) {
   views_.emplace_back();
-  for (const SimulatedObservation& o : data_.stream.keyframes[k].observations) {
-    const int anchor = data_.stream.tracks[o.track].anchor;
-    if (anchor == k && !options_.stereo) continue;
-    views_[views_.size() - 1 - static_cast<std::size_t>(k - anchor)].push_back({o.track, k, &o});
+  for (const View& view : data_.views[k]) {
+    const int anchor = data_.stream.tracks[view.track].anchor;
+    views_[views_.size() - 1 - static_cast<std::size_t>(k - anchor)].push_back(view);
   }
 }
 

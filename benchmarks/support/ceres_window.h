@@ -60,10 +60,6 @@ class CeresWindow {
     Speed speed, first_speed;
     bool pose_touched = false, speed_touched = false;  // by a prior
   };
-  struct View {
-    int track = 0, keyframe = 0;
-    const SimulatedObservation* observation = nullptr;
-  };
   State& state(int k) { return states_[static_cast<std::size_t>(k) % states_.size()]; }
   const State& state(int k) const { return states_[static_cast<std::size_t>(k) % states_.size()]; }
   int oldest() const { return std::max(0, next_ - static_cast<int>(states_.size())); }

@@ -35,6 +35,7 @@ SlideReport OrielWindow::slide() {
   report.cpu = cpu_seconds() - cpu0;
   report.build = t1 - t0, report.solve = t2 - t1, report.fold = t3 - t2, report.wall = t3 - t0;
   count(report);
+  sum_stages();
   return report;
 }
 
@@ -74,14 +75,14 @@ void OrielWindow::add_state(int k) {
 const OrielWindow::State& OrielWindow::state_of(int k) const { return states_[k - states_.front().keyframe]; }
 
 void OrielWindow::add_observations(int k) {
-  for (const SimulatedObservation& o : data_.stream.keyframes[k].observations)
-    add_observation(o, state_of(data_.stream.tracks[o.track].anchor), state_of(k));
+  for (const View& view : data_.views[k]) add_view(view);
 }
 
-void OrielWindow::add_observation(const SimulatedObservation& o, const State& anchor, const State& state) {
+void OrielWindow::add_view(const View& view) {
+  const SimulatedObservation& o = *view.observation;
   const SimulatedTrack& track = data_.stream.tracks[o.track];
+  const State &anchor = state_of(track.anchor), &state = state_of(view.keyframe);
   const bool at_anchor = anchor.keyframe == state.keyframe;
-  if (at_anchor && !options_.stereo) return;  // it is its own bearing
   Landmark& landmark = landmarks_[o.track];
   if (!landmark.exists) {
     landmark = {edit_.add(InverseDepthd{track.first_guess}), true};
@@ -114,6 +115,13 @@ void OrielWindow::count(SlideReport& report) const {
   report.initial_cost = summary_.initial_cost;
   report.final_cost = summary_.final_cost;
   report.iterations = summary_.iterations;
+}
+
+void OrielWindow::sum_stages() {
+  const StageTimes& s = summary_.seconds;
+  stages_.structure += s.structure, stages_.evaluate += s.evaluate, stages_.linearize += s.linearize;
+  stages_.eliminate += s.eliminate, stages_.factor += s.factor, stages_.solve += s.solve;
+  stages_.retract += s.retract, stages_.adopt += s.adopt, stages_.total += s.total;
 }
 
 }  // namespace oriel::benchmark

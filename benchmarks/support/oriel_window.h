@@ -32,11 +32,12 @@ class OrielWindow {
   void add_first_state();
   void add_state(int k);
   void add_observations(int k);
-  void add_observation(const SimulatedObservation& o, const State& anchor, const State& state);
+  void add_view(const View& view);
   const State& state_of(int k) const;
   void apply(GraphEdit& edit);
   void fold_oldest();
   void count(SlideReport& report) const;
+  void sum_stages();
 
   const WindowData& data_;
   WindowOptions options_;

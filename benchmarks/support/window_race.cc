@@ -2,8 +2,30 @@
 
 namespace oriel::benchmark {
 
-WindowData simulate(const SimulatedWindowOptions& options) {
-  WindowData data{simulate_window(options), {}};
+namespace {
+
+// A stereo observation comes at once. Without stereo the anchor's own is no reprojection, and the others of the first
+// three come together.
+std::vector<std::vector<View>> make_views(const SimulatedWindow& stream, bool stereo) {
+  std::vector<std::vector<View>> views(stream.keyframes.size());
+  std::vector<std::vector<View>> held(stream.tracks.size());
+  for (int k = 0; k < std::ssize(stream.keyframes); ++k)
+    for (const SimulatedObservation& o : stream.keyframes[k].observations) {
+      const int anchor = stream.tracks[o.track].anchor;
+      std::vector<View>& waiting = held[o.track];
+      if (stereo || k != anchor) waiting.push_back({o.track, k, &o});
+      if (!stereo && k - anchor + 1 < kMonoObservations) continue;
+      views[k].insert(views[k].end(), waiting.begin(), waiting.end());
+      waiting.clear();
+    }
+  return views;
+}
+
+}  // namespace
+
+WindowData simulate(const SimulatedWindowOptions& options, bool stereo) {
+  WindowData data{simulate_window(options), {}, {}};
+  data.views = make_views(data.stream, stereo);
   data.imu_noise.resize(data.stream.keyframes.size());
   for (std::size_t k = 1; k < data.stream.keyframes.size(); ++k)
     data.imu_noise[k] = imu_noise(data.stream.keyframes[k].motion);

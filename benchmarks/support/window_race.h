@@ -20,13 +20,23 @@ struct WindowOptions {
   Loss loss;                    // of reprojections
 };
 
+// Without stereo a landmark comes into the window with its third observation, all of them at once.
+inline constexpr int kMonoObservations = 3;
+
 // How well the first state is known.
 inline constexpr double kStartRotation = 1e-3, kStartPosition = 1e-3, kStartVelocity = 1e-2;  // [rad, m, m/s]
 inline constexpr double kStartGyroBias = 1e-2, kStartAccelBias = 5e-2;                        // [rad/s, m/s²]
 
-// The stream, and the noise of its IMU factors: both are made from measurements before any clock runs.
+// One reprojection: an observation of a track at a keyframe.
+struct View {
+  int track = 0, keyframe = 0;
+  const SimulatedObservation* observation = nullptr;
+};
+
+// What is made from measurements before any clock runs.
 struct WindowData {
   SimulatedWindow stream;
+  std::vector<std::vector<View>> views;  // by the keyframe with which they come into the window
   std::vector<FullNoise<15>> imu_noise;  // by keyframe; nothing in the first
 };
 
@@ -37,7 +47,7 @@ struct FirstState {
   ImuBiasd bias;
 };
 FirstState first_state(const WindowData& data);
-WindowData simulate(const SimulatedWindowOptions& options);
+WindowData simulate(const SimulatedWindowOptions& options, bool stereo);
 
 struct SlideReport {
   double initial_cost = 0.0, final_cost = 0.0;

@@ -1,5 +1,6 @@
 // A growable column of trivially copyable values of one size that is known at run time.
 #pragma once
+#include <algorithm>
 #include <cstddef>
 #include <cstring>
 #include <vector>
@@ -24,6 +25,7 @@ class ByteColumn {
   void move(std::size_t from, std::size_t to) { std::memcpy(at(to), at(from), stride_); }
   void resize(std::size_t n) { bytes_.resize(n * stride_); }
   // At least; grows by doubling, so that one by one stays linear.
+  std::size_t capacity() const { return stride_ == 0 ? 0 : bytes_.capacity() / stride_; }
   void reserve(std::size_t n) {
     if (n * stride_ > bytes_.capacity()) bytes_.reserve(n * stride_ > 2 * bytes_.capacity() ? n * stride_ : 2 * bytes_.capacity());
   }

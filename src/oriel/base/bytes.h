@@ -21,10 +21,7 @@ class ByteWriter {
   explicit ByteWriter(Bytes& out) : out_(out) {}
 
   template <class T>
-    requires(std::is_arithmetic_v<T> || std::is_enum_v<T>)
-  void put(T x) {
-    put_bytes(&x, sizeof(T));
-  }
+  requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void put(T x) { put_bytes(&x, sizeof(T)); }
   void put_bytes(const void* data, std::size_t size) {
     const auto* p = static_cast<const std::byte*>(data);
     out_.insert(out_.end(), p, p + size);
@@ -52,8 +49,7 @@ class ByteReader {
   std::size_t left() const { return in_.size() - at_; }
 
   template <class T>
-    requires(std::is_arithmetic_v<T>)
-  T get() {
+  requires(std::is_arithmetic_v<T>) T get() {
     T x{};
     if (const std::byte* p = get_bytes(sizeof(T))) std::memcpy(&x, p, sizeof(T));
     return x;

@@ -68,6 +68,13 @@ class [[nodiscard]] Result {
   std::variant<T, Error> state_;
 };
 
+// The value, or the error: for printing what came back.
+template <class T>
+std::ostream& operator<<(std::ostream& out, const Result<T>& r) {
+  if (r.ok()) return out << r.value();
+  return out << r.error();
+}
+
 template <>
 class [[nodiscard]] Result<void> {
  public:

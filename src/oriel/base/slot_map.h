@@ -78,11 +78,13 @@ class SlotIndex {
 
   // True for a key that nobody has had. Of `incoming` keys that arrive together, none may be farther out than honest
   // ones can be: a damaged message must not ask for all memory.
-  bool is_new(SlotKey k, std::size_t incoming) const {
+  bool is_new(SlotKey k, std::size_t incoming = 0) const {
     if (k.generation == 0 || k.index == kNone) return false;
     if (k.index >= slots_.size()) return k.index < slots_.size() + kLargestLeap + incoming;
     return k.generation > slots_[k.index].generation;
   }
+  // True if `insert` of this key will succeed as things stand.
+  bool can_insert(SlotKey k, std::size_t incoming = 0) const { return is_new(k, incoming) && find_slot(k.index) == kNone; }
   // Appends; the dense position of the new value. Serials rise.
   std::uint32_t insert(SlotKey k, std::uint64_t serial) {
     check(is_new(k, kNone) && find_slot(k.index) == kNone, "a slot key is inserted twice");
@@ -105,6 +107,7 @@ class SlotIndex {
     Slot& s = slots_[k.index];
     s.dense = kNone;
     free_.push_back({k.index, (s.lent > s.generation ? s.lent : s.generation) + 1});
+    if (free_.size() > 2 * slots_.size() + 64) forget_used_up();
     --live_;
     return true;
   }
@@ -136,6 +139,11 @@ class SlotIndex {
   }
 
  private:
+  // A follower never lends, so that what could be lent piles up: all but the latest key of each slot is used up.
+  void forget_used_up() {
+    std::erase_if(free_, [this](SlotKey k) { return k.index >= slots_.size() || k.generation <= slots_[k.index].generation; });
+  }
+
   static constexpr std::size_t kLargestLeap = std::size_t{1} << 24;
   struct Slot {
     std::uint32_t dense = kNone;

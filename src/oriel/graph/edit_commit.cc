@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+
 namespace oriel {
 
 void EditCommit::run() {
@@ -59,7 +60,8 @@ void EditCommit::give_serials() {
 // A prior on a variable that leaves is replaced by one that has lost that variable alone (V6).
 void EditCommit::derive_priors() {
   if (g_.priors_.slots().size() == 0) return;
-  std::vector<std::uint32_t> rows;
+  std::vector<std::uint32_t>& rows = g_.touched_priors_;
+  rows.clear();
   for (const auto& c : edit_.variable_columns())
     for (const SlotKey k : c->removed)
       g_.for_each_factor({c->ops->key, k}, [&](std::uint32_t table, std::uint32_t row) {
@@ -230,7 +232,7 @@ void EditCommit::add_factors() {
 }
 
 void EditCommit::add_priors(edit::Priors& c) {
-  std::vector<VariableRef> refs;
+  std::vector<VariableRef>& refs = g_.prior_refs_;
   for (const edit::AddedPrior& a : c.added) {
     refs.clear();
     int cols = 0;
@@ -260,11 +262,18 @@ void EditCommit::set_first_estimates(std::uint32_t row) {
     VariablePool& pool = *g_.pools_[ref.pool];
     const std::uint32_t dense = pool.slots().dense(ref.slot);
     if (!pool.has_first_estimate(dense)) {
+      note_change(pool, dense);
       pool.set_first_estimate(dense, estimate, g_.version_);
-      g_.log_.note(ChangeLog::Change{{pool.ops().key, pool.slots().key(dense)}, g_.version_});
     }
     estimate += estimate_doubles(pool.ops());
   }
+}
+
+// Before its versions are raised: one note a variable and edit, however much of it changes.
+void EditCommit::note_change(const VariablePool& pool, std::uint32_t dense) {
+  const VariablePool::Versions& v = pool.versions(dense);
+  if (v.value == g_.version_ || v.fixed == g_.version_ || v.first_estimate == g_.version_) return;
+  g_.log_.note(ChangeLog::Change{{pool.ops().key, pool.slots().key(dense)}, g_.version_});
 }
 
 void EditCommit::set_values() {
@@ -273,19 +282,19 @@ void EditCommit::set_values() {
     VariablePool& pool = *g_.pools_[g_.pool_index(c->ops)];
     for (std::size_t i = 0; i < c->set.size(); ++i) {
       const std::uint32_t dense = pool.slots().find(c->set[i].first);
+      note_change(pool, dense);
       if (c->set[i].second == edit::SetKind::first_estimate) {
         pool.set_first_estimate(dense, c->set_values.at(i), g_.version_);
       } else {
         pool.set_value(dense, c->set_values.at(i));
         pool.note_value(dense, g_.version_);
       }
-      g_.log_.note(ChangeLog::Change{{c->ops->key, c->set[i].first}, g_.version_});
     }
     for (const auto& [key, fixed] : c->fixed) {
       const std::uint32_t dense = pool.slots().find(key);
       if (pool.fixed(dense) == fixed) continue;  // what it was: nobody is told (C6)
+      note_change(pool, dense);
       pool.set_fixed(dense, fixed, g_.version_);
-      g_.log_.note(ChangeLog::Change{{c->ops->key, key}, g_.version_});
     }
   }
 }

@@ -27,6 +27,7 @@ class EditCommit {
               std::uint32_t arg);
   void detach(const VariableRef& ref, std::uint32_t entry);
   void set_first_estimates(std::uint32_t row);
+  void note_change(const VariablePool& pool, std::uint32_t dense);
   bool changes_structure() const;
   bool changes_fixed(const edit::Variables& c) const;
 

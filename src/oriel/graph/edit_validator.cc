@@ -23,10 +23,10 @@ bool free_for(const Column& c, const SlotIndex& slots, SlotKey key) {
   return slots.find_slot(key.index) == SlotIndex::kNone || c.removes(slots.key_of_slot(key.index));
 }
 
+// One slot named twice, under whatever generations.
 bool has_twice(std::vector<SlotKey> keys) {  // rare path: edits that were not lent here, and removals of several priors
-  auto less = [](SlotKey a, SlotKey b) { return a.index != b.index ? a.index < b.index : a.generation < b.generation; };
-  std::sort(keys.begin(), keys.end(), less);
-  return std::adjacent_find(keys.begin(), keys.end()) != keys.end();
+  std::sort(keys.begin(), keys.end(), [](SlotKey a, SlotKey b) { return a.index < b.index; });
+  return std::adjacent_find(keys.begin(), keys.end(), [](SlotKey a, SlotKey b) { return a.index == b.index; }) != keys.end();
 }
 template <class Added>
 bool has_twice(const std::vector<Added>& added) {
@@ -34,24 +34,6 @@ bool has_twice(const std::vector<Added>& added) {
   for (const Added& a : added) keys.push_back(a.key);
   return has_twice(std::move(keys));
 }
-
-// Can the key be inserted once what the edit removes is gone?
-template <class Leaves>
-bool insertable(const SlotIndex* slots, SlotKey key, Leaves&& leaves) {
-  if (slots == nullptr) return SlotIndex().is_new(key);
-  if (slots->can_insert(key)) return true;
-  return slots->is_new(key) && leaves(slots->key_of_slot(key.index));
-}
-
-// A set of slots, in scratch memory of the graph.
-class Marks {
- public:
-  explicit Marks(edit::SlotSet& set) : set_(set) { set_.clear(); }
-  bool insert(std::uint32_t index) { return set_.insert(index); }
-
- private:
-  edit::SlotSet& set_;
-};
 
 }  // namespace
 
@@ -97,8 +79,8 @@ Result<void> EditValidator::added_variables(const edit::Variables& c) const {
     auto name = [&] { return graph_.describe({c.ops->key, a.key}); };
     if (c.added_at.find(a.key.index) != i) return Error{ErrorCode::duplicate, "add: " + name() + " is added twice"};
     const SlotIndex& slots = pool == nullptr ? kNoSlots : pool->slots();
-    if (!slots.is_new(a.key, c.added.size()) || (slots.find_slot(a.key.index) != SlotIndex::kNone &&
-                                                 !c.removes(slots.key_of_slot(a.key.index))))
+    if (!slots.is_new(a.key, c.added.size()) ||
+        (slots.find_slot(a.key.index) != SlotIndex::kNone && !c.removes(slots.key_of_slot(a.key.index))))
       return Error{ErrorCode::stale_id, "add: the id " + name() + " was used before"};
     if (a.serial != 0 && a.serial <= serial)
       return Error{ErrorCode::conflict, "add: the serial of " + name() + " is not above those in the graph"};
@@ -114,7 +96,8 @@ Result<void> EditValidator::resolves(const VariableOps& ops, SlotKey key, const 
   if (c != nullptr && c->find_added(key) != edit::SlotMarks::kNone) return {};
   const VariablePool* pool = graph_.find_pool(ops.key);
   if (pool == nullptr || pool->slots().find(key) == SlotIndex::kNone)
-    return Error{ErrorCode::stale_id, what + " names " + graph_.describe({ops.key, key}) + ", which is not in the graph"};
+    return Error{ErrorCode::stale_id,
+                 what + " names " + graph_.describe({ops.key, key}) + ", which is not in the graph"};
   if (c != nullptr && c->removes(key))
     return Error{ErrorCode::stale_id, what + " names " + graph_.describe({ops.key, key}) + ", which this edit removes"};
   return {};
@@ -130,39 +113,25 @@ Result<void> EditValidator::factors(const edit::Factors& c) const {
                    "remove: factor " + key_text(k) + " of " + std::string(c.ops->residual) + " is not in the graph"};
   for (std::size_t i = 0; i < c.removed.size(); ++i)
     if (c.removed_at.find(c.removed[i].index) != i)
-      return Error{ErrorCode::duplicate,
-                   "remove: factor " + key_text(c.removed[i]) + " of " + std::string(c.ops->residual) + " is named twice"};
-  return added_factors(c, table);
+      return Error{ErrorCode::duplicate, "remove: factor " + key_text(c.removed[i]) + " of " +
+                                             std::string(c.ops->residual) + " is named twice"};
+  return added_factors(c, table != nullptr ? table->slots() : kNoSlots);
 }
 
-Result<void> EditValidator::added_factors(const edit::Factors& c, const FactorTable* table) const {
-  std::uint64_t serial = table == nullptr ? 0 : table->slots().last_serial();
-  const SlotIndex* slots = table == nullptr ? nullptr : &table->slots();
-  Marks seen(graph_.marks_);
+Result<void> EditValidator::added_factors(const edit::Factors& c, const SlotIndex& slots) const {
+  std::uint64_t serial = slots.last_serial();
   for (std::size_t i = 0; i < c.added.size(); ++i) {
     const edit::AddedFactor& a = c.added[i];
-    if (!insertable(slots, a.key, [&](SlotKey k) { return leaves(c, *table, k); }) || !seen.insert(a.key.index))
-      return Error{ErrorCode::duplicate, factor_name(c, i) + ": its id " + key_text(a.key) + " is in use, or was"};
+    if (!free_for(c, slots, a.key))
+      return Error{ErrorCode::duplicate, factor_name(c, i) + ": its id " + key_text(a.key) + " is or was in use"};
     if (a.serial != 0 && a.serial <= serial)
       return Error{ErrorCode::conflict, factor_name(c, i) + ": its serial is not above those in the graph"};
     if (a.serial != 0) serial = a.serial;
     if (auto ok = factor(c, i); !ok) return ok;
   }
+  if (edit_.lender() != &graph_ && has_twice(c.added))
+    return Error{ErrorCode::duplicate, "add: two factors of " + std::string(c.ops->residual) + " have the same id"};
   return {};
-}
-
-// Will this factor be gone before others come: removed itself, or with one of its variables?
-bool EditValidator::leaves(const edit::Factors& c, const FactorTable& table, SlotKey key) const {
-  const std::uint32_t at = c.removed_at.find(key.index);
-  if (at != edit::SlotMarks::kNone && c.removed[at] == key) return true;
-  const std::uint32_t row = table.slots().find(key);
-  if (row == SlotIndex::kNone) return false;
-  for (const VariableRef& ref : table.variables(row)) {
-    const VariablePool& pool = *graph_.pools()[ref.pool];
-    const edit::Variables* v = edit_.find_variables(pool.ops().key);
-    if (v != nullptr && v->removes(pool.slots().key_of_slot(ref.slot))) return true;
-  }
-  return false;
 }
 
 Result<void> EditValidator::factor(const edit::Factors& c, std::size_t i) const {
@@ -225,7 +194,8 @@ Result<void> EditValidator::prior(const edit::AddedPrior& p) const {
     cols += static_cast<std::size_t>(ops->dim);
     estimates += estimate_doubles(*ops);
   }
-  if (!p.well_formed || p.variable_count == 0 || p.block_size < estimates || (p.block_size - estimates) % (1 + cols) != 0)
+  if (!p.well_formed || p.variable_count == 0 || p.block_size < estimates ||
+      (p.block_size - estimates) % (1 + cols) != 0)
     return Error{ErrorCode::size_mismatch,
                  "a linear prior over " + number(cols) + " columns has " + number(p.block_size) +
                      " numbers in all, which are not estimates, d (rows) and R (rows x columns)"};
@@ -244,7 +214,8 @@ Result<void> EditValidator::prior_numbers(const edit::AddedPrior& p, std::size_t
     estimate += estimate_doubles(*ops);
   }
   for (std::size_t i = p.block + estimates; i < p.block + p.block_size; ++i)
-    if (!std::isfinite(c.numbers[i])) return Error{ErrorCode::not_finite, "a linear prior holds a number that is not finite"};
+    if (!std::isfinite(c.numbers[i]))
+      return Error{ErrorCode::not_finite, "a linear prior holds a number that is not finite"};
   return {};
 }
 

@@ -13,9 +13,11 @@ class EditValidator {
   Result<void> variables(const edit::Variables& c) const;
   Result<void> added_variables(const edit::Variables& c) const;
   Result<void> factors(const edit::Factors& c) const;
+  Result<void> added_factors(const edit::Factors& c, const SlotIndex& slots) const;
   Result<void> factor(const edit::Factors& c, std::size_t i) const;
   Result<void> priors() const;
   Result<void> prior(const edit::AddedPrior& p) const;
+  Result<void> prior_numbers(const edit::AddedPrior& p, std::size_t estimates) const;
   // Will the variable be there when the edit is done? Else says why not.
   Result<void> resolves(const VariableOps& ops, SlotKey key, const std::string& what) const;
 

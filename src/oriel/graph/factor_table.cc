@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+
 namespace oriel {
 
 std::uint32_t FactorTable::insert(const Row& row, std::uint64_t version) {

@@ -5,6 +5,11 @@
 
 namespace oriel {
 
+Graph::Graph() = default;
+Graph::Graph(Graph&&) noexcept = default;
+Graph& Graph::operator=(Graph&&) noexcept = default;
+Graph::~Graph() = default;
+
 Result<void> Graph::apply(GraphEdit& edit) noexcept {
   if (edit.applied()) return Error{ErrorCode::conflict, "apply: this edit was applied already; clear() it first"};
   if (auto ok = EditValidator(*this, edit).validate(); !ok) return ok;
@@ -164,6 +169,18 @@ void collect_added(const PriorTable& table, const std::vector<std::unique_ptr<Va
 
 }  // namespace
 
+// Of the variables that `out` adds.
+void Graph::collect_labels(GraphEdit& out) const {
+  for (const auto& c : out.variable_columns()) {
+    const auto type = labels_.find(c->ops->key);
+    if (type == labels_.end()) continue;
+    for (const edit::AddedVariable& a : c->added)
+      if (const auto label = type->second.find((std::uint64_t{a.key.index} << 32) | a.key.generation);
+          label != type->second.end())
+        out.labels().emplace_back(VariableKey{c->ops->key, a.key}, label->second);
+  }
+}
+
 void Graph::collect(Subscription s, GraphEdit& out) {
   out.clear();
   const std::uint64_t seen = log_.seen(s);
@@ -182,6 +199,7 @@ void Graph::collect(Subscription s, GraphEdit& out) {
   for (const auto& p : pools_) collect_added(*p, seen, out);
   for (const auto& t : tables_) collect_added(*t, pools_, seen, out);
   collect_added(priors_, pools_, seen, out);
+  collect_labels(out);
   for (const ChangeLog::Change& change : log_.changes()) {
     const VariablePool* pool = find_pool(change.id.type);
     const std::uint32_t d = pool->slots().find(change.id.key);

@@ -39,11 +39,12 @@ class Graph {
     std::uint32_t arg = 0;    // which of its variables
   };
 
-  Graph() = default;
+  Graph();  // this and what follows in the library, so that not every user's program compiles it anew
   Graph(const Graph&) = delete;  // ids name one graph; a copy is made by a follower that is sent the whole of it
   Graph& operator=(const Graph&) = delete;
-  Graph(Graph&&) = default;
-  Graph& operator=(Graph&&) = default;
+  Graph(Graph&&) noexcept;
+  Graph& operator=(Graph&&) noexcept;
+  ~Graph();
 
   GraphEdit edit() { return GraphEdit(*this); }
 
@@ -126,6 +127,7 @@ class Graph {
 
   std::uint32_t pool_index(const VariableOps* ops);
   std::uint32_t table_index(const FactorOps* ops);
+  void collect_labels(GraphEdit& out) const;
   VariablePool* pool_of(std::uint64_t type) { return const_cast<VariablePool*>(find_pool(type)); }
 
   std::vector<std::unique_ptr<VariablePool>> pools_;
@@ -135,6 +137,8 @@ class Graph {
   std::vector<std::uint32_t> free_incidences_;
   std::unordered_map<std::uint64_t, std::unordered_map<std::uint64_t, std::string>> labels_;  // by type, by key
   ChangeLog log_;
+  std::vector<std::uint32_t> touched_priors_;  // scratch of apply
+  std::vector<VariableRef> prior_refs_;        // scratch of apply
   GraphEdit derived_;  // scratch of apply: priors that lose variables
   std::uint64_t version_ = 0, structure_version_ = 0, next_serial_ = 1;
 };

@@ -59,6 +59,12 @@ void Priors::clear() {
 
 }  // namespace edit
 
+GraphEdit::GraphEdit() = default;
+GraphEdit::GraphEdit(Graph& graph) : graph_(&graph) {}
+GraphEdit::GraphEdit(GraphEdit&&) noexcept = default;
+GraphEdit& GraphEdit::operator=(GraphEdit&&) noexcept = default;
+GraphEdit::~GraphEdit() = default;
+
 edit::Variables& GraphEdit::variables(const VariableOps* ops) {
   if (edit::Variables* c = column_of(ops->key)) return *c;
   return *variables_.emplace_back(std::make_unique<edit::Variables>(ops));

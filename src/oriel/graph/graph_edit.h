@@ -125,8 +125,11 @@ inline std::size_t estimate_doubles(const VariableOps& ops) { return (ops.bytes 
 class GraphEdit {
  public:
   // An edit that carries ids given elsewhere (a message, a journal); a graph's own edits come from Graph::edit().
-  GraphEdit() = default;
-  explicit GraphEdit(Graph& graph) : graph_(&graph) {}
+  GraphEdit();
+  explicit GraphEdit(Graph& graph);
+  GraphEdit(GraphEdit&&) noexcept;
+  GraphEdit& operator=(GraphEdit&&) noexcept;
+  ~GraphEdit();
 
   // A new variable; its id may be used at once, in this edit and (once applied) everywhere.
   template <Variable V>

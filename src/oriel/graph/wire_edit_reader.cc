@@ -93,7 +93,8 @@ class EditReader {
     if (ops == nullptr || ops->residual != residual || ops->noise != noise)
       return Error{ErrorCode::not_found, "message: it holds factors '" + residual + "' with " + noise +
                                              " noise, which the reader does not know"};
-    if (ops->measurement_bytes != measurement_bytes || ops->noise_bytes != noise_bytes || ops->variables.size() != arity)
+    if (ops->measurement_bytes != measurement_bytes || ops->noise_bytes != noise_bytes ||
+        ops->variables.size() != arity)
       return damaged("'" + residual + "' has other sizes than the reader's");
     edit::Factors& c = out_.factors(ops);
     if (!c.empty()) return damaged("'" + residual + "' comes twice");

@@ -4,8 +4,8 @@
 
 #include "oriel/base/bytes.h"
 #include "oriel/base/result.h"
-#include "oriel/graph/type_ops.h"
 #include "oriel/base/slot_map.h"
+#include "oriel/graph/type_ops.h"
 
 namespace oriel::wire {
 
@@ -26,10 +26,11 @@ inline Result<const VariableOps*> get_type(ByteReader& r, const TypeList& types)
   if (!r.ok()) return damaged("it ends within the name of a type");
   const VariableOps* ops = types.find_variable(type_key(name));
   if (ops == nullptr || ops->name != name)
-    return Error{ErrorCode::not_found, "message: it holds variables of the type '" + name + "', which the reader does not know"};
+    return Error{ErrorCode::not_found,
+                 "message: it holds variables of the type '" + name + "', which the reader does not know"};
   if (ops->bytes != bytes || static_cast<std::uint32_t>(ops->dim) != dim)
-    return damaged("'" + name + "' has " + std::to_string(bytes) + " bytes and dimension " + std::to_string(dim) + ", " +
-                   std::to_string(ops->bytes) + " and " + std::to_string(ops->dim) + " expected");
+    return damaged("'" + name + "' has " + std::to_string(bytes) + " bytes and dimension " + std::to_string(dim) +
+                   ", " + std::to_string(ops->bytes) + " and " + std::to_string(ops->dim) + " expected");
   return ops;
 }
 

@@ -12,6 +12,7 @@ constexpr int kGivenOrder = 96;   // kept blocks up to which a problem with land
 
 Result<void> LinearStructure::build(const Graph& graph, const FactorOptions& options) {
   ++version_;
+  order_types(graph);
   number_variables(graph);
   demote_landmarks(graph);
   collect_rows(graph);
@@ -26,15 +27,28 @@ Result<void> LinearStructure::build(const Graph& graph, const FactorOptions& opt
   return {};
 }
 
+// By name, whatever the order in which the graph came to know them: a replica may have met them in another.
+void LinearStructure::order_types(const Graph& graph) {
+  const auto& pools = graph.pools();
+  pool_order_.resize(pools.size());
+  for (std::size_t p = 0; p < pools.size(); ++p) pool_order_[p] = static_cast<std::uint32_t>(p);
+  std::sort(pool_order_.begin(), pool_order_.end(),
+            [&](auto a, auto b) { return pools[a]->ops().name < pools[b]->ops().name; });
+  const auto& tables = graph.tables();
+  table_order_.clear();
+  for (std::uint32_t t = 0; t < tables.size(); ++t)
+    if (tables[t]->slots().size() > 0) table_order_.push_back(t);
+  std::sort(table_order_.begin(), table_order_.end(), [&](auto a, auto b) {
+    const FactorOps &x = tables[a]->ops(), &y = tables[b]->ops();
+    return x.residual != y.residual ? x.residual < y.residual : x.noise < y.noise;
+  });
+}
+
 // First guess: everything that is free and of a landmark type is eliminated.
 void LinearStructure::number_variables(const Graph& graph) {
   const auto& pools = graph.pools();
   targets_.resize(pools.size());
   offsets_.resize(pools.size());
-  pool_order_.resize(pools.size());
-  for (std::size_t p = 0; p < pools.size(); ++p) pool_order_[p] = static_cast<std::uint32_t>(p);
-  std::sort(pool_order_.begin(), pool_order_.end(),
-            [&](auto a, auto b) { return pools[a]->ops().name < pools[b]->ops().name; });
   for (std::size_t p = 0; p < pools.size(); ++p) {
     const VariablePool& pool = *pools[p];
     targets_[p].assign(pool.extent(), {});
@@ -56,7 +70,8 @@ void LinearStructure::demote_landmarks(const Graph& graph) {
       if (t.kind == Target::Kind::landmark) t.kind = Target::Kind::kept;
     }
   }
-  for (const auto& table : graph.tables()) {
+  for (const std::uint32_t t : table_order_) {
+    const FactorTable* table = graph.tables()[t].get();
     int landmark_arguments = 0;
     for (const VariableOps* v : table->ops().variables) landmark_arguments += v->landmark;
     if (landmark_arguments < 2) continue;
@@ -75,13 +90,6 @@ void LinearStructure::demote_landmarks(const Graph& graph) {
 
 void LinearStructure::collect_rows(const Graph& graph) {
   const auto& tables = graph.tables();
-  table_order_.clear();
-  for (std::uint32_t t = 0; t < tables.size(); ++t)
-    if (tables[t]->slots().size() > 0) table_order_.push_back(t);
-  std::sort(table_order_.begin(), table_order_.end(), [&](auto a, auto b) {
-    const FactorOps &x = tables[a]->ops(), &y = tables[b]->ops();
-    return x.residual != y.residual ? x.residual < y.residual : x.noise < y.noise;
-  });
   plan_count_ = table_order_.size();
   if (plans_.size() < plan_count_) plans_.resize(plan_count_);
   row_count_ = 0;

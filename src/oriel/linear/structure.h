@@ -78,6 +78,8 @@ class LinearStructure {
   // An error only if the numbers of a block overflow; never in practice.
   Result<void> build(const Graph& graph, const FactorOptions& options);
 
+  // Pools of the graph when it was built: one that came since holds nothing, but has its place in every column.
+  std::size_t pool_count() const { return targets_.size(); }
   // Grows with every build: what is cached about a structure is cached for one version.
   std::uint64_t version() const { return version_; }
   const std::vector<TablePlan>& plans() const { return plans_; }
@@ -102,6 +104,7 @@ class LinearStructure {
   void locate(int s, std::uint32_t& pool, std::uint32_t& dense, int& within) const;
 
  private:
+  void order_types(const Graph& graph);
   void number_variables(const Graph& graph);
   void demote_landmarks(const Graph& graph);
   void collect_rows(const Graph& graph);

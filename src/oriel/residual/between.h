@@ -3,6 +3,7 @@
 #include "oriel/manifold/jacobian.h"
 #include "oriel/manifold/name.h"
 #include "oriel/manifold/rebind.h"
+#include "oriel/residual/linearize_rows.h"
 #include "oriel/residual/residual.h"
 
 namespace oriel {
@@ -61,5 +62,15 @@ struct Between {
       return (a.inverse() * b).minus(cast<ScalarOf<W>>(measured));
   }
 };
+
+// Compiled once, in the library; with other values or noise they are compiled where they are used.
+extern template void linearize_rows<Between<Pose2d>, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Between<Pose2d>, DiagonalNoise<3>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Between<Pose2d>, FullNoise<3>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Between<Pose3d>, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Between<Pose3d>, DiagonalNoise<6>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Between<Pose3d>, FullNoise<6>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Between<ImuBiasd>, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Between<ImuBiasd>, DiagonalNoise<6>>(const RowPointers&, Batch&) noexcept;
 
 }  // namespace oriel

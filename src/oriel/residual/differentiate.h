@@ -3,6 +3,7 @@
 #include <tuple>
 #include <utility>
 
+#include "oriel/manifold/se3.h"
 #include "oriel/residual/residual.h"
 
 namespace oriel {
@@ -35,6 +36,26 @@ auto seed(const V& x, [[maybe_unused]] int column) {
     for (int i = 0; i < V::kDim; ++i) d[i] = S::variable(0.0, column + i);
     return cast<S>(x).plus(d);
   }
+}
+
+// The same for rotations and poses by their first derivative, which spares every user's program the exponential over
+// dual numbers: q Exp(φ) = q + ½ q [φ, 0] and t + R ρ, up to second order ([ML] eq. 132, 172).
+template <int C>
+Rot3<Dual<C>> seed(const Rot3d& x, int column) {
+  Rot3<Dual<C>> y{x.qx, x.qy, x.qz, x.qw};
+  for (int i = 0; i < 3; ++i) {
+    const Rot3d q = x * Rot3d{i == 0 ? 0.5 : 0.0, i == 1 ? 0.5 : 0.0, i == 2 ? 0.5 : 0.0, 0.0};
+    y.qx.d[column + i] = q.qx, y.qy.d[column + i] = q.qy, y.qz.d[column + i] = q.qz, y.qw.d[column + i] = q.qw;
+  }
+  return y;
+}
+template <int C>
+Pose3<Dual<C>> seed(const Pose3d& x, int column) {
+  Pose3<Dual<C>> y{seed<C>(x.R, column), x.t.template cast<Dual<C>>()};
+  const Mat<double, 3, 3> R = x.R.matrix();
+  for (int j = 0; j < 3; ++j)
+    for (int i = 0; i < 3; ++i) y.t[i].d[column + 3 + j] = R(i, j);
+  return y;
 }
 
 template <class R, class... V>
@@ -90,7 +111,8 @@ bool evaluate_residual(const R& residual, Vec<double, ResidualTraits<R>::kDim>& 
           return std::tuple<>();
       };
       return std::tuple_cat(one(std::get<I>(blocks), std::integral_constant<int, T::kDims[I]>{})...);
-    }(std::make_index_sequence<T::kArity>{});
+    }
+    (std::make_index_sequence<T::kArity>{});
     const bool valid = std::apply([&](auto*... b) { return residual.evaluate(x..., r, b...); }, pointers);
     if (j == nullptr || !valid) return valid;
     [&]<std::size_t... I>(std::index_sequence<I...>) {
@@ -98,7 +120,8 @@ bool evaluate_residual(const R& residual, Vec<double, ResidualTraits<R>::kDim>& 
         if constexpr (decltype(dim)::value > 0) j->set_block(0, column, b);
       };
       (one(std::get<I>(blocks), std::integral_constant<int, T::kDims[I]>{}, T::column(I)), ...);
-    }(std::make_index_sequence<T::kArity>{});
+    }
+    (std::make_index_sequence<T::kArity>{});
     return true;
   } else if (j == nullptr) {
     return detail::unpack<R>(residual(x...), r);
@@ -124,8 +147,9 @@ bool differentiate_numerically(const R& residual, Mat<double, ResidualTraits<R>:
         Vec<double, T::kDim> ahead, behind;
         d[i] = h;
         value = at.plus(d);
-        valid = std::apply([&](const auto&... v) { return evaluate_residual(residual, ahead, nullptr, v...); }, values) &&
-                valid;
+        valid =
+            std::apply([&](const auto&... v) { return evaluate_residual(residual, ahead, nullptr, v...); }, values) &&
+            valid;
         d[i] = -h;
         value = at.plus(d);
         valid =
@@ -136,9 +160,8 @@ bool differentiate_numerically(const R& residual, Mat<double, ResidualTraits<R>:
       value = at;
     }
   };
-  [&]<std::size_t... I>(std::index_sequence<I...>) {
-    (along(std::get<I>(values), T::column(I)), ...);
-  }(std::make_index_sequence<T::kArity>{});
+  [&]<std::size_t... I>(std::index_sequence<I...>) { (along(std::get<I>(values), T::column(I)), ...); }
+  (std::make_index_sequence<T::kArity>{});
   return valid;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <string_view>
+#include <type_traits>
 
 #include "oriel/base/pack.h"
 
@@ -39,8 +40,11 @@ LossValue<S> evaluate_loss(LossKind kind, const S& scale, const S& s) {
     return {select(inside, s, S(2.0) * scale * root - k2), select(inside, S(1.0), scale / root)};
   }
   if (kind == LossKind::cauchy) {
-    const S u = S(1.0) + s / k2;
-    return {k2 * log(u), S(1.0) / u};
+    const S u = s / k2;
+    if constexpr (std::is_same_v<S, double>)
+      return {k2 * std::log1p(u), 1.0 / (1.0 + u)};  // keeps the digits of small residuals
+    else
+      return {k2 * log(S(1.0) + u), S(1.0) / (S(1.0) + u)};
   }
   return {s, S(1.0)};
 }

@@ -68,24 +68,25 @@ struct FullNoise {
 namespace detail {
 inline constexpr double kNotANoise = std::numeric_limits<double>::quiet_NaN();  // refused by apply, with the factor named
 
-// Upper W with WᵀW = information, for positive semidefinite information; entries NaN where it is indefinite.
+// Upper W with WᵀW = information, for positive semidefinite information; entries NaN where it is indefinite. Every pivot
+// is judged by its own diagonal entry: units differ (1/m², 1/rad²), and a weak direction is not an empty one.
 template <int N>
 FullNoise<N> whitener_of(Mat<double, N, N> a) {
+  constexpr double kRounding = 1e-12, kOffDiagonal = 1e-6;
   FullNoise<N> noise;
-  double scale = 0.0;
-  for (int i = 0; i < N; ++i) scale = std::fmax(scale, std::fabs(a(i, i)));
-  const double tolerance = 1e-12 * scale;
+  double diagonal[N];
+  for (int i = 0; i < N; ++i) diagonal[i] = a(i, i);
   int e = 0;
-  bool ok = std::isfinite(scale);
+  bool ok = true;
   for (int i = 0; i < N; ++i) {
-    const double pivot = a(i, i);
-    const bool empty = pivot <= tolerance;  // a direction without information: its row and column must vanish too
+    const double pivot = a(i, i), tolerance = kRounding * diagonal[i];
+    const bool empty = pivot <= tolerance;  // a direction without information: its row must vanish too
     const double root = empty ? 0.0 : std::sqrt(pivot);
-    ok = ok && pivot >= -tolerance;
+    ok = ok && std::isfinite(pivot) && diagonal[i] >= 0.0 && pivot >= -tolerance;
     for (int k = i; k < N; ++k) {
-      const double w = empty ? 0.0 : a(i, k) / root;
-      if (empty && k > i) ok = ok && std::fabs(a(i, k)) <= 1e-6 * std::sqrt(scale * std::fmax(std::fabs(a(k, k)), tolerance));
-      noise.w[e++] = w;
+      noise.w[e++] = empty ? 0.0 : a(i, k) / root;
+      if (empty && k > i)
+        ok = ok && std::fabs(a(i, k)) <= kOffDiagonal * std::sqrt(diagonal[i]) * std::sqrt(std::fmax(diagonal[k], 0.0));
     }
     if (empty) continue;
     for (int j = i + 1; j < N; ++j)

@@ -3,6 +3,7 @@
 #include "oriel/manifold/jacobian.h"
 #include "oriel/manifold/name.h"
 #include "oriel/manifold/rebind.h"
+#include "oriel/residual/linearize_rows.h"
 #include "oriel/residual/residual.h"
 
 namespace oriel {
@@ -40,5 +41,19 @@ struct Prior {
       return x.minus(cast<ScalarOf<W>>(value));
   }
 };
+
+// Compiled once, in the library; with other values or noise they are compiled where they are used.
+extern template void linearize_rows<Prior<Pose2d>, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Prior<Pose2d>, DiagonalNoise<3>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Prior<Pose2d>, FullNoise<3>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Prior<Pose3d>, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Prior<Pose3d>, DiagonalNoise<6>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Prior<Pose3d>, FullNoise<6>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Prior<Velocity3d>, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Prior<Velocity3d>, DiagonalNoise<3>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Prior<ImuBiasd>, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Prior<ImuBiasd>, DiagonalNoise<6>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Prior<Point3d>, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<Prior<Point3d>, DiagonalNoise<3>>(const RowPointers&, Batch&) noexcept;
 
 }  // namespace oriel

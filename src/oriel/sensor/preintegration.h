@@ -8,6 +8,7 @@
 #pragma once
 #include <span>
 
+#include "oriel/base/finite.h"
 #include "oriel/base/result.h"
 #include "oriel/manifold/so3.h"
 #include "oriel/manifold/vector.h"
@@ -32,6 +33,12 @@ struct PreintegratedImu {
   Mat<S, 3, 3> dR_dg = Mat<S, 3, 3>::zero();
   Mat<S, 3, 3> dv_dg = Mat<S, 3, 3>::zero(), dv_da = Mat<S, 3, 3>::zero();
   Mat<S, 3, 3> dp_dg = Mat<S, 3, 3>::zero(), dp_da = Mat<S, 3, 3>::zero();
+
+  // More members than all_finite can name by itself.
+  bool finite() const {
+    return all_finite(dt) && all_finite(dR) && all_finite(dv) && all_finite(dp) && all_finite(bias) &&
+           all_finite(dR_dg) && all_finite(dv_dg) && all_finite(dv_da) && all_finite(dp_dg) && all_finite(dp_da);
+  }
 };
 using PreintegratedImud = PreintegratedImu<double>;
 

@@ -4,6 +4,11 @@
 
 namespace oriel {
 
+NativeEngine::NativeEngine(Graph& graph) : graph_(&graph) {}
+NativeEngine::NativeEngine(NativeEngine&&) noexcept = default;
+NativeEngine& NativeEngine::operator=(NativeEngine&&) noexcept = default;
+NativeEngine::~NativeEngine() = default;
+
 Summary NativeEngine::solve(const SolveOptions& options) noexcept { return Minimizer(*this, options).run(); }
 
 double NativeEngine::cost() noexcept {
@@ -30,7 +35,8 @@ void NativeEngine::drop_caches() {
 }
 
 Result<void> NativeEngine::sync(const SolveOptions& options) {
-  if (structure_version_ != graph_->structure_version() || structure_ordering_ != options.ordering) {
+  if (structure_version_ != graph_->structure_version() || structure_ordering_ != options.ordering ||
+      structure_.pool_count() != graph_->pools().size()) {
     FactorOptions factor;
     factor.ordering = options.ordering;
     if (auto ok = structure_.build(*graph_, factor); !ok) return ok;

@@ -19,12 +19,24 @@ struct SolverState {
 
 class NativeEngine final : public Engine {
  public:
-  explicit NativeEngine(Graph& graph) : graph_(&graph) {}
+  explicit NativeEngine(Graph& graph);
+  NativeEngine(NativeEngine&&) noexcept;
+  NativeEngine& operator=(NativeEngine&&) noexcept;
+  ~NativeEngine() override;  // in the library, as are the three above: every user's program would compile them anew
 
   std::string_view name() const override { return "native"; }
   Summary solve(const SolveOptions& options) noexcept override;
   Summary solve() noexcept { return solve(SolveOptions{}); }
   double cost() noexcept override;
+
+  // Covariance of a variable in its tangent space at the graph's values (after a solve: at the solution), given all that
+  // the graph knows. An Error where something is undetermined, never a stale or made-up matrix.
+  template <Manifold V>
+  Result<Mat<double, V::kDim, V::kDim>> covariance(VariableId<V> id) noexcept {
+    Mat<double, V::kDim, V::kDim> out;
+    if (auto ok = covariance_block(id, out.data()); !ok) return ok.error();
+    return out;
+  }
 
   const SolverState& state() const { return state_; }
   void restore(const SolverState& state) { state_ = state; }
@@ -38,11 +50,14 @@ class NativeEngine final : public Engine {
   const LinearSystem& system() const { return system_; }
   const ActiveSet& active() const { return active_; }
   const Point& point() const { return point_; }
+  // What the last solve that found anything gave the graph; for journals.
+  const Solution& solution() const { return solution_; }
 
  private:
   friend class Minimizer;
 
   Result<void> sync(const SolveOptions& options);
+  Result<void> covariance_block(VariableKey id, double* out) noexcept;
   TaskPool* pool(int threads);
   void adopt_point();
 

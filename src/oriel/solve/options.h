@@ -36,7 +36,7 @@ struct SolveOptions {
   bool trace = true;             // keep an IterationReport for each iteration
   OrderingMethod ordering = OrderingMethod::automatic;
   // Called after each iteration; false stops the solve with the best values so far.
-  std::function<bool(const IterationReport&)> callback;
+  std::function<bool(const IterationReport&)> callback = {};
 };
 
 }  // namespace oriel

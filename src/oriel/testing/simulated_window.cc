@@ -146,18 +146,23 @@ class Simulation {
   // Draws points in front of camera 0 until one stays in view for as long as its track is to be.
   void begin_track(int k) {
     int length = options_.window;
-    if (random_.uniform() > 0.63) length = std::max(2, length - 1 - static_cast<int>(random_.uniform() * 5));
+    if (random_.uniform() > 0.63) length = std::max(3, length - 1 - static_cast<int>(random_.uniform() * 5));
+    double parallax = 0.02;  // [rad]
     const auto& mount = out_.rig.cameras[0];
     for (int attempt = 0;; ++attempt) {
-      if (attempt % 200 == 199 && length > 2) --length;
+      if (attempt % 200 == 199) {
+        if (length > 3) --length;
+        parallax *= 0.7;
+      }
       const Vec2d pixel = {{random_.uniform(15, kWidth - 15), random_.uniform(15, kHeight - 15)}};
       const Vec2d noisy = pixel + random_.normals<2>(0.1 * options_.pixel_sigma);
-      const double depth = 2.0 * std::pow(6.0, random_.uniform());  // [m], 2 to 12
+      const double depth = 1.5 * std::pow(4.0, random_.uniform());  // [m], 1.5 to 6
       const auto ray = mount.camera.unproject(pixel), bearing = mount.camera.unproject(noisy);
       if (!ray || !bearing) continue;
       const Vec3d p_camera = Vec3d{{(*ray)[0], (*ray)[1], 1.0}} * depth;
       const Vec3d p_world = out_.keyframes[k].T_world_body * (mount.R_body_camera * p_camera + mount.t_body_camera);
-      if (!stays_in_view(k, std::min(length, options_.keyframes - k), p_world)) continue;
+      if (!stays_in_view(k, std::min(length, options_.keyframes - k), p_world) || moves(k, p_world) < parallax)
+        continue;
       const double guess = std::max(0.3, 1.0 + options_.depth_error * random_.normal()) / depth;
       out_.tracks.push_back({k, std::min(length, options_.keyframes - k), *bearing, 1.0 / depth, guess});
       observe(p_world);
@@ -169,6 +174,13 @@ class Simulation {
     for (int i = k; i < k + length; ++i)
       if (!see(i, 0, p_world, pixel) || !see(i, 1, p_world, pixel)) return false;
     return true;
+  }
+  // Angle between the rays to a point from the bodies at keyframe k and two later [rad]: without parallax a depth is
+  // anybody's guess, and where its estimate ends says more about the guess than about the estimator.
+  double moves(int k, const Vec3d& p_world) const {
+    const Vec3d a = p_world - out_.keyframes[k].T_world_body.t;
+    const Vec3d b = p_world - out_.keyframes[std::min(k + 2, options_.keyframes - 1)].T_world_body.t;
+    return k + 2 < options_.keyframes ? cross(a, b).norm() / (a.norm() * b.norm()) : 1.0;
   }
   void observe(const Vec3d& p_world) {
     const SimulatedTrack& track = out_.tracks.back();

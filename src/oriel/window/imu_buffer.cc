@@ -13,10 +13,12 @@ bool earlier(const ImuSample& s, Time t) { return s.time < t; }
 
 Result<void> ImuBuffer::add(const ImuSample& sample) {
   if (!all_finite(sample.gyro) || !all_finite(sample.accel))
-    return Error{ErrorCode::not_finite, "IMU sample at " + std::to_string(sample.time.ns) + " ns: a reading is not finite"};
+    return Error{ErrorCode::not_finite,
+                 "IMU sample at " + std::to_string(sample.time.ns) + " ns: a reading is not finite"};
   if (samples_.size() > first_ && sample.time <= samples_.back().time)
     return Error{ErrorCode::bad_input, "IMU sample at " + std::to_string(sample.time.ns) +
-                                           " ns: expected a stamp after " + std::to_string(samples_.back().time.ns) + " ns"};
+                                           " ns: expected a stamp after " + std::to_string(samples_.back().time.ns) +
+                                           " ns"};
   samples_.push_back(sample);
   return {};
 }

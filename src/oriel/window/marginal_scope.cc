@@ -27,8 +27,8 @@ Result<void> MarginalScope::collect(const Graph& graph, std::span<const Variable
   reset(graph);
   for (const VariableKey& id : leaving)
     if (auto ok = add_leaving(graph, id); !ok) return ok;
-  const auto asked = static_cast<std::int32_t>(variables_.size());
-  for (std::int32_t i = 0; i < asked; ++i) judge_landmarks(graph, i, policy);
+  asked_ = static_cast<std::int32_t>(variables_.size());
+  for (std::int32_t i = 0; i < asked_; ++i) judge_landmarks(graph, i, policy);
   const auto gone = static_cast<std::int32_t>(variables_.size());
   for (std::int32_t i = 0; i < gone; ++i)
     if (variables_[i].role == Role::leaving) absorb_factors(graph, i);
@@ -126,11 +126,11 @@ bool MarginalScope::seen_by_leaving_alone(const Graph& graph, std::int32_t at) c
     const VariablePool& pool = *graph.pools()[ref.pool];
     if (pool.ops().dim == 0) return;
     const std::int32_t other = find(ref.pool, pool.slots().dense(ref.slot));
-    // A landmark that was closed or dropped a moment ago does not make this one's other observers leave.
-    alone = alone && (other == at || (other >= 0 && variables_[other].role == Role::leaving));
+    alone = alone && (other == at || (other >= 0 && other < asked_));
   };
   graph.for_each_factor(variables_[at].id, [&](std::uint32_t table, std::uint32_t row) {
-    const auto refs = table == Graph::kPriorTable ? graph.priors().variables(row) : graph.tables()[table]->variables(row);
+    const auto refs =
+        table == Graph::kPriorTable ? graph.priors().variables(row) : graph.tables()[table]->variables(row);
     for (const VariableRef& ref : refs) look(ref);
   });
   return alone;
@@ -205,17 +205,20 @@ void MarginalScope::sort_variables() {
     marks_[variables_[i].pool][variables_[i].dense].at = static_cast<std::int32_t>(i);
 }
 
-// A landmark is eliminated on its own if no prior and no factor ties it to another such one; of two that share a
-// factor, the later one is an ordinary leaving variable.
+// A landmark is eliminated on its own if no prior ties it to others; of landmarks that share a factor, the first one.
 void MarginalScope::choose_landmarks(const Graph& graph) {
-  for (MarginalVariable& v : variables_)
+  parent_.resize(variables_.size());  // scratch: who could be eliminated
+  for (std::size_t i = 0; i < variables_.size(); ++i) {
+    MarginalVariable& v = variables_[i];
     v.eliminated = v.landmark && v.role == Role::leaving && !v.in_prior && !v.fixed && v.dim <= 3;
+    parent_[i] = v.eliminated;
+  }
   for (const MarginalRow& r : rows_) {
-    std::int32_t first = -1;
-    for_each_variable(graph, graph.tables()[r.table]->variables(r.row), [&](std::int32_t at) {
-      if (!variables_[at].eliminated || at == first) return;
-      if (first >= 0) variables_[std::max(first, at)].eliminated = false;
-      first = first >= 0 ? std::min(first, at) : at;
+    const auto refs = graph.tables()[r.table]->variables(r.row);
+    auto first = static_cast<std::int32_t>(variables_.size());
+    for_each_variable(graph, refs, [&](std::int32_t at) { first = parent_[at] ? std::min(first, at) : first; });
+    for_each_variable(graph, refs, [&](std::int32_t at) {
+      if (at > first) variables_[at].eliminated = false;
     });
   }
   for (const MarginalRow& r : rows_) {
@@ -319,24 +322,24 @@ void MarginalScope::sort_rows(const Graph& graph) {
   std::sort(rows_.begin(), rows_.end(), [](const MarginalRow& a, const MarginalRow& b) {
     return a.major != b.major ? a.major < b.major : a.minor < b.minor;
   });
+  std::erase_if(priors_, [](const MarginalPrior& p) { return p.component < 0; });
   std::sort(priors_.begin(), priors_.end(), [](const MarginalPrior& a, const MarginalPrior& b) {
     return a.component != b.component ? a.component < b.component : a.row < b.row;
   });
-  auto slice = [](const auto& items, auto begin, auto end) {
-    for (std::uint32_t i = 0; i < items.size(); ++i) begin(items[i].component, i), end(items[i].component, i + 1);
-  };
-  auto limits = [&](auto& items, auto MarginalComponent::*begin, auto MarginalComponent::*end) {
-    slice(
-        items,
-        [&](std::int32_t c, std::uint32_t i) {
-          if (c >= 0 && components_[c].*end == 0) components_[c].*begin = i;
-        },
-        [&](std::int32_t c, std::uint32_t i) {
-          if (c >= 0) components_[c].*end = i;
-        });
-  };
-  limits(rows_, &MarginalComponent::rows_begin, &MarginalComponent::rows_end);
-  limits(priors_, &MarginalComponent::priors_begin, &MarginalComponent::priors_end);
+  slice_components();
+}
+
+void MarginalScope::slice_components() {
+  for (std::uint32_t i = 0; i < rows_.size(); ++i) {
+    MarginalComponent& c = components_[rows_[i].component];
+    if (c.rows_end == 0) c.rows_begin = i;
+    c.rows_end = i + 1;
+  }
+  for (std::uint32_t i = 0; i < priors_.size(); ++i) {
+    MarginalComponent& c = components_[priors_[i].component];
+    if (c.priors_end == 0) c.priors_begin = i;
+    c.priors_end = i + 1;
+  }
 }
 
 }  // namespace oriel

@@ -25,11 +25,11 @@ struct MarginalVariable {
   std::uint32_t pool = 0, dense = 0;
   int dim = 0;
   Role role = Role::staying;
-  bool fixed = false;      // known: no columns, its value is taken as it is
-  bool landmark = false;   // by type
-  bool in_prior = false;   // an absorbed prior has columns of it
-  bool eliminated = false; // a leaving landmark that is eliminated on its own, before the rest
-  bool seen = false;       // shares a factor with an eliminated landmark
+  bool fixed = false;       // known: no columns, its value is taken as it is
+  bool landmark = false;    // by type
+  bool in_prior = false;    // an absorbed prior has columns of it
+  bool eliminated = false;  // a leaving landmark that is eliminated on its own, before the rest
+  bool seen = false;        // shares a factor with an eliminated landmark
   std::int32_t component = -1;
   // Of its first scalar: among the component's columns, leaving ones first; of an eliminated landmark, among those.
   std::int32_t column = -1;
@@ -52,7 +52,7 @@ struct MarginalPrior {
 // Variables that absorbed factors connect. Each has a prior of its own, so disjoint ones stay separate (M11).
 struct MarginalComponent {
   int landmark_dim = 0, leaving_dim = 0, staying_dim = 0;
-  int seen_begin = 0, seen_end = 0;              // columns of variables that see eliminated landmarks
+  int seen_begin = 0, seen_end = 0;                      // columns of variables that see eliminated landmarks
   std::uint32_t variables_begin = 0, variables_end = 0;  // in ordered()
   std::uint32_t rows_begin = 0, rows_end = 0, priors_begin = 0, priors_end = 0;
   int dim() const { return leaving_dim + staying_dim; }
@@ -98,6 +98,7 @@ class MarginalScope {
   void find_components(const Graph& graph);
   void place_columns();
   void sort_rows(const Graph& graph);
+  void slice_components();
   std::int32_t root(std::int32_t v);
   void connect(std::int32_t a, std::int32_t b);
   template <class F>
@@ -109,9 +110,10 @@ class MarginalScope {
   std::vector<MarginalComponent> components_;
   std::vector<std::uint32_t> ordered_;
 
+  std::int32_t asked_ = 0;  // variables() begins with those that the caller named, until it is sorted
   std::uint32_t stamp_ = 0;
-  std::vector<std::vector<Mark>> marks_;                 // by pool and dense position
-  std::vector<std::vector<std::uint32_t>> row_stamps_;   // by table and row
+  std::vector<std::vector<Mark>> marks_;                // by pool and dense position
+  std::vector<std::vector<std::uint32_t>> row_stamps_;  // by table and row
   std::vector<std::uint32_t> prior_stamps_;
   std::vector<std::uint32_t> pool_rank_, table_rank_, types_;
   std::vector<std::int32_t> parent_;

@@ -57,7 +57,8 @@ bool step(std::span<const PointSighting> sightings, const StereoRigd& rig, doubl
     add(r, J, rows, 1.0 / (1.0 + e * e), H, g);
   }
   const Eigen::LDLT<System> factor(H);
-  if (factor.info() != Eigen::Success || !(factor.vectorD().minCoeff() > 1e-9 * factor.vectorD().maxCoeff())) return false;
+  if (factor.info() != Eigen::Success || !(factor.vectorD().minCoeff() > 1e-9 * factor.vectorD().maxCoeff()))
+    return false;
   const Vector d = factor.solve(-g);
   if (!d.allFinite()) return false;
   Vec6d delta;

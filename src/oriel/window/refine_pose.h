@@ -17,7 +17,7 @@ struct PointSighting {
 
 struct RefinePoseOptions {
   int max_iterations = 12;
-  double least_scale = 1.5;   // the Cauchy scale where the spread of residuals ends [px]
+  double least_scale = 1.5;    // the Cauchy scale where the spread of residuals ends [px]
   double inlier_pixels = 5.0;  // per camera [px]
 };
 

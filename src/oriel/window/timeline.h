@@ -8,8 +8,8 @@
 
 namespace oriel {
 
-// `State` has a member `Time time`. At most one state a time: two sensors at one stamp share it. Pointers hold until the
-// next insertion or removal.
+// `State` has a member `Time time`. At most one state a time: two sensors at one stamp share it. Pointers hold until
+// the next insertion or removal.
 template <class State>
 class Timeline {
  public:
@@ -30,6 +30,8 @@ class Timeline {
     return true;
   }
   void clear() { states_.clear(); }
+  // To change what a state says of itself, but for its time. Null where there is none.
+  State* change(Time time) { return const_cast<State*>(find(time)); }
 
   std::size_t size() const { return states_.size(); }
   bool empty() const { return states_.empty(); }
@@ -45,13 +47,13 @@ class Timeline {
     return s != nullptr && s->time == time ? s : nullptr;
   }
   const State* at_or_before(Time time) const {
-    const auto after = std::upper_bound(states_.begin(), states_.end(), time,
-                                        [](Time t, const State& s) { return t < s.time; });
+    const auto after =
+        std::upper_bound(states_.begin(), states_.end(), time, [](Time t, const State& s) { return t < s.time; });
     return after == states_.begin() ? nullptr : &*(after - 1);
   }
   const State* at_or_after(Time time) const {
-    const auto at = std::lower_bound(states_.begin(), states_.end(), time,
-                                     [](const State& s, Time t) { return s.time < t; });
+    const auto at =
+        std::lower_bound(states_.begin(), states_.end(), time, [](const State& s, Time t) { return s.time < t; });
     return at == states_.end() ? nullptr : &*at;
   }
   // Of two that are equally far, the earlier.
@@ -62,8 +64,8 @@ class Timeline {
   }
   // How many states, from the oldest on, are older than `time`; a state at that time is not.
   std::size_t count_before(Time time) const {
-    const auto at = std::lower_bound(states_.begin(), states_.end(), time,
-                                     [](const State& s, Time t) { return s.time < t; });
+    const auto at =
+        std::lower_bound(states_.begin(), states_.end(), time, [](const State& s, Time t) { return s.time < t; });
     return static_cast<std::size_t>(at - states_.begin());
   }
 

@@ -16,7 +16,7 @@ namespace oriel {
 struct Sighting {
   Time time;  // of the state
   VariableId<Pose3d> pose;
-  Vec2d pixel0, pixel1;    // [px]
+  Vec2d pixel0, pixel1;     // [px]
   Vec2d bearing, bearing1;  // undistorted [x/z, y/z] in each camera
   bool has_right = false;
   bool in_graph = false;  // `factor` is there

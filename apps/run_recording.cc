@@ -1,0 +1,184 @@
+#include "apps/run_recording.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "apps/allocation_counter.h"
+#include "apps/command.h"
+#include "oriel/evaluate/associate.h"
+#include "oriel/evaluate/ate.h"
+#include "oriel/window/inertial_odometry.h"
+
+namespace oriel::apps {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr Duration kMaxStampDifference{10'000'000};  // of an estimate and its truth [ns]
+constexpr std::size_t kMostWarnings = 20;
+
+StereoRigd rig_of(const Recording& recording) {
+  StereoRigd rig;
+  for (std::size_t c = 0; c < recording.cameras.size() && c < 2; ++c) {
+    const RecordedCamera& k = recording.cameras[c];
+    rig.cameras[c] = {RadTanCamerad{k.fx, k.fy, k.cx, k.cy, k.k1, k.k2, k.p1, k.p2},
+                      {Rot3d::from_matrix(k.R_body_camera), k.p_body_camera}};
+  }
+  return rig;
+}
+
+ImuNoise noise_of(const RecordedImuNoise& n) {
+  return {n.gyroscope_noise_density, n.accelerometer_noise_density, n.gyroscope_random_walk,
+          n.accelerometer_random_walk};
+}
+
+std::vector<TumPose> tum_of(const Trajectory& trajectory) {
+  std::vector<TumPose> out;
+  for (const auto& [time, T] : trajectory.poses()) out.push_back({time, T.t, T.R.qx, T.R.qy, T.R.qz, T.R.qw});
+  return out;
+}
+
+// Nearest rank.
+double percentile(const std::vector<double>& sorted, double share) {
+  if (sorted.empty()) return kNone;
+  const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(sorted.size())));
+  return sorted[std::clamp<std::size_t>(rank, 1, sorted.size()) - 1];
+}
+
+// Drives the odometry through a recording and keeps the books.
+class Run {
+ public:
+  Run(const Recording& recording, const RunOptions& options)
+      : recording_(recording),
+        options_(options),
+        odometry_(rig_of(recording), recording.cameras.size() > 1, noise_of(recording.imu_noise), options.odometry) {
+    odometry_.window().observe(options.observer);
+    report_.recording = recording.name;
+    report_.duration_s = (recording.frames.back().time - recording.frames.front().time).seconds();
+    report_.initialised_after_s = kNone;
+    milliseconds_.reserve(recording.frames.size());
+  }
+
+  RunReport operator()() {
+    for (const RecordedFrame& frame : recording_.frames) {
+      feed_imu(frame.time);
+      update(frame);
+      if (options_.progress) show_progress(frame);
+    }
+    if (options_.progress) std::fputs("\n", stderr);
+    summarize();
+    judge();
+    return std::move(report_);
+  }
+
+ private:
+  // Up to the first sample at or after the frame: the motion is interpolated to the frame's own time.
+  void feed_imu(Time until) {
+    while (next_imu_ < recording_.imu.size()) {
+      const RecordedImu& s = recording_.imu[next_imu_++];
+      if (auto ok = odometry_.add_imu({s.time, s.gyro, s.accel}); !ok) warn(ok.error().text());
+      if (s.time >= until) break;
+    }
+  }
+
+  void update(const RecordedFrame& frame) {
+    features_.clear();
+    for (const RecordedObservation& o : recording_.observations_of(frame))
+      features_.push_back({o.track_id, {{o.u0, o.v0}}, {{o.u1, o.v1}}, o.has_right});
+    const std::int64_t allocations = allocation_count();
+    const auto began = std::chrono::steady_clock::now();
+    last_ = odometry_.update({frame.time, features_});
+    milliseconds_.push_back(
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - began).count());
+    if (full_) {
+      ++steady_updates_;
+      steady_allocations_ += allocation_count() - allocations;
+    }
+    full_ = full_ || static_cast<int>(odometry_.timeline().size()) >= options_.odometry.keyframes.max_keyframes;
+    count(frame);
+  }
+
+  void count(const RecordedFrame& frame) {
+    using Status = UpdateReport::Status;
+    if (last_.status == Status::initialised && std::isnan(report_.initialised_after_s))
+      report_.initialised_after_s = (frame.time - recording_.frames.front().time).seconds();
+    if (!std::isnan(report_.initialised_after_s)) {
+      ++frames_after_;
+      estimated_ += last_.status == Status::initialised || last_.status == Status::tracking ? 1 : 0;
+    }
+    if (last_.status == Status::failed || (last_.status == Status::initialising && frames_after_ > 0))
+      warn(fmt::format("frame {}: {}", frame.number, last_.reason));
+  }
+
+  void warn(std::string text) {
+    if (report_.warnings.size() < kMostWarnings) report_.warnings.push_back(std::move(text));
+  }
+
+  void show_progress(const RecordedFrame& frame) const {
+    const double t = (frame.time - recording_.frames.front().time).seconds();
+    std::fprintf(stderr, "\r%s: frame %zu of %zu, %.1f of %.1f s, %d landmarks, %.2f ms  ", recording_.name.c_str(),
+                 milliseconds_.size(), recording_.frames.size(), t, report_.duration_s, last_.landmarks,
+                 milliseconds_.back());
+  }
+
+  void summarize() {
+    std::sort(milliseconds_.begin(), milliseconds_.end());
+    report_.updates = static_cast<std::int64_t>(milliseconds_.size());
+    report_.update_ms_p50 = percentile(milliseconds_, 0.5);
+    report_.update_ms_p99 = percentile(milliseconds_, 0.99);
+    report_.update_ms_p999 = percentile(milliseconds_, 0.999);
+    report_.update_ms_max = percentile(milliseconds_, 1.0);
+    report_.coverage = frames_after_ > 0 ? static_cast<double>(estimated_) / static_cast<double>(frames_after_) : 0.0;
+    report_.allocations_per_update =
+        steady_updates_ > 0 ? static_cast<double>(steady_allocations_) / static_cast<double>(steady_updates_) : kNone;
+    for (std::size_t k = 0; k < kDropReasonNames.size(); ++k)
+      report_.dropped.emplace_back(kDropReasonNames[k], odometry_.dropped()[k]);
+    report_.peak_rss_mb = peak_rss_mb();
+    if (frames_after_ == 0) warn(fmt::format("never initialised: {}", last_.reason));
+  }
+
+  void judge() {
+    report_.causal = tum_of(odometry_.causal());
+    report_.final = tum_of(odometry_.final());
+    report_.states = static_cast<std::int64_t>(report_.causal.size());
+    report_.path_m = path_length(report_.causal);
+    report_.ate_m = report_.ate_final_m = report_.ate_deg = kNone;
+    const std::vector<TumPose>& truth = recording_.groundtruth;
+    const auto pairs = nearest_stamps(report_.causal, truth, kMaxStampDifference);
+    if (pairs.empty()) return;
+    report_.path_m =
+        path_length(std::span(truth).subspan(pairs.front().truth, pairs.back().truth - pairs.front().truth + 1));
+    if (const auto error = absolute_error(report_.causal, truth, pairs, Alignment::se3)) {
+      report_.ate_m = error->position.rmse;
+      report_.ate_deg = error->orientation.rmse;
+    }
+    if (const auto error = absolute_error(report_.final, truth,
+                                          nearest_stamps(report_.final, truth, kMaxStampDifference), Alignment::se3))
+      report_.ate_final_m = error->position.rmse;
+  }
+
+  const Recording& recording_;
+  const RunOptions& options_;
+  InertialOdometry odometry_;
+  RunReport report_;
+  UpdateReport last_;
+  std::size_t next_imu_ = 0;
+  bool full_ = false;
+  std::int64_t frames_after_ = 0, estimated_ = 0, steady_updates_ = 0, steady_allocations_ = 0;
+  std::vector<double> milliseconds_;
+  std::vector<FeatureObservation> features_;
+};
+
+}  // namespace
+
+Result<RunReport> run_recording(const Recording& recording, const RunOptions& options) {
+  if (recording.cameras.empty() || recording.imu.empty() || recording.frames.empty())
+    return Error{ErrorCode::bad_input, "expected a recording with a camera, IMU samples and frames", recording.name, 0};
+  return Run(recording, options)();
+}
+
+}  // namespace oriel::apps

@@ -1,0 +1,42 @@
+// A recording through the sliding window, as fast as it goes, and how good that was.
+#pragma once
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "oriel/io/recording.h"
+#include "oriel/window/odometry_options.h"
+#include "oriel/window/sliding_window.h"
+
+namespace oriel::apps {
+
+struct RunOptions {
+  OdometryOptions odometry;
+  WindowObserver* observer = nullptr;  // sees every edit and solve
+  bool progress = false;               // a line on standard error
+};
+
+struct RunReport {
+  std::string recording;
+  double duration_s = 0.0;  // from the first frame to the last
+  std::int64_t states = 0;  // frames with an estimate
+  std::int64_t updates = 0;
+  double update_ms_p50 = 0.0, update_ms_p99 = 0.0, update_ms_p999 = 0.0, update_ms_max = 0.0;
+  double initialised_after_s = 0.0;  // NaN: never
+  double coverage = 0.0;             // share of the frames after initialisation that have an estimate
+  double ate_m = 0.0, ate_final_m = 0.0, ate_deg = 0.0;       // SE(3)-aligned; NaN without truth. ate_deg is causal
+  double path_m = 0.0;                                        // of the truth where there is one, else of the estimate
+  std::vector<std::pair<std::string, std::int64_t>> dropped;  // by reason
+  double allocations_per_update = 0.0;  // mean over the updates after the window was full for the first time
+  double peak_rss_mb = 0.0;
+  std::vector<std::string> warnings;
+  std::vector<TumPose> causal, final;  // each pose at the moment of its own update; and when it left the window
+};
+
+// Errors: a recording that has no cameras, IMU samples or frames.
+Result<RunReport> run_recording(const Recording& recording, const RunOptions& options);
+
+std::string to_json(const RunReport& report);
+std::string to_text(const RunReport& report);  // a few lines for people
+
+}  // namespace oriel::apps

@@ -1,0 +1,249 @@
+#include "oriel/window/inertial_odometry.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace oriel {
+namespace {
+
+const Sighting* sighting_at(const Track& track, Time time) {
+  for (const Sighting& s : track.sightings)
+    if (s.time == time) return &s;
+  return nullptr;
+}
+
+double angle_between(const Vec3d& a, const Vec3d& b) { return std::atan2(cross(a, b).norm(), a.dot(b)); }
+
+}  // namespace
+
+UpdateReport InertialOdometry::update(const StereoFrame& frame) {
+  return initialised_ ? track(frame) : initialise(frame);
+}
+
+UpdateReport InertialOdometry::track(const StereoFrame& frame) {
+  UpdateReport report;
+  report.time = frame.time;
+  report.status = UpdateReport::Status::failed;
+  report.reason = "no IMU samples reach this frame";
+  if (!add_frame(frame, nullptr)) {
+    drop(DropReason::no_motion);
+    return report;
+  }
+  if (!solve_and_gate(options_.max_iterations, report)) return report;
+  InertialState& newest = *timeline_.change(frame.time);
+  newest.keyframe = report.keyframe = is_keyframe(newest);
+  fill(report);
+  causal_.add(frame.time, report.values.T_world_body);
+  if (newest.keyframe) slide();
+  return report;
+}
+
+InertialValues InertialOdometry::values(const InertialState& state) const {
+  const Graph& g = window_.graph();
+  return {g.value(state.pose), g.value(state.velocity), g.value(state.bias)};
+}
+
+void InertialOdometry::fill(UpdateReport& report) const {
+  report.status = UpdateReport::Status::tracking;
+  report.reason = "";
+  report.values = values(*timeline_.latest());
+  report.landmarks = static_cast<int>(window_.graph().count<InverseDepthd>());
+  report.factors = static_cast<int>(window_.graph().factor_count());
+}
+
+const InertialState* InertialOdometry::last_keyframe() const {
+  for (std::size_t k = timeline_.size(); k-- > 0;)
+    if (timeline_[k].keyframe) return &timeline_[k];
+  return nullptr;
+}
+
+// R_j = R_i ΔR, v_j = v_i + g Δt + R_i Δv, p_j = p_i + v_i Δt + g Δt²/2 + R_i Δp (Forster et al., TRO 2017, eq. 33),
+// for a preintegration at the state's own biases.
+InertialValues InertialOdometry::predict(const InertialState& from, const PreintegratedImud& motion) const {
+  const InertialValues i = values(from);
+  const Vec3d g = {{0.0, 0.0, -options_.inertial.gravity}};
+  InertialValues j = i;
+  j.T_world_body.R = (i.T_world_body.R * motion.dR).normalized();
+  j.T_world_body.t =
+      i.T_world_body.t + i.velocity.v * motion.dt + g * (0.5 * motion.dt * motion.dt) + i.T_world_body.R * motion.dp;
+  j.velocity.v = i.velocity.v + g * motion.dt + i.T_world_body.R * motion.dv;
+  return j;
+}
+
+bool InertialOdometry::add_frame(const StereoFrame& frame, const InertialValues* given) {
+  const InertialState latest = *timeline_.latest(), keyframe = *last_keyframe();
+  const ImuBiasd bias = values(latest).bias;
+  const auto from_keyframe = preintegrate(imu_.samples(), keyframe.time, frame.time, bias, noise_);
+  if (!from_keyframe) return false;
+  InertialValues predicted;
+  if (given != nullptr) {
+    predicted = *given;
+  } else {
+    const auto from_latest =
+        latest.keyframe ? from_keyframe : preintegrate(imu_.samples(), latest.time, frame.time, bias, noise_);
+    if (!from_latest) return false;
+    predicted = predict(latest, from_latest->motion);
+  }
+  GraphEdit& edit = window_.edit();
+  drop(DropReason::no_ray, map_.observe(frame, {}, seen_));
+  if (given == nullptr) refine_prediction(predicted);
+  if (!latest.keyframe) give_way(edit);
+  const InertialState state{frame.time, edit.add(predicted.T_world_body), edit.add(predicted.velocity),
+                            edit.add(predicted.bias), false};
+  timeline_.insert(state);
+  edit.add(ImuResiduald{from_keyframe->motion, {{0.0, 0.0, -options_.inertial.gravity}}}, imu_noise(*from_keyframe),
+           keyframe.pose, keyframe.velocity, keyframe.bias, state.pose, state.velocity, state.bias);
+  for (const std::uint32_t place : seen_) map_.track(place).sightings.back().pose = state.pose;
+  add_sightings(edit);
+  return window_.commit().ok();
+}
+
+void InertialOdometry::refine_prediction(InertialValues& predicted) {
+  known_.clear();
+  for (const std::uint32_t place : seen_) {
+    const Track& t = map_.track(place);
+    const std::optional<Vec3d> p = builder_.position(window_.graph(), t);
+    const Sighting& s = t.sightings.back();
+    if (p) known_.push_back({*p, s.pixel0, s.pixel1, s.has_right});
+  }
+  if (known_.size() < 12 || median_error(known_, rig_, predicted.T_world_body, angles_) < options_.visual.refine_above)
+    return;
+  refine_pose(known_, rig_, {}, predicted.T_world_body);
+}
+
+// The newest state was no keyframe: it leaves with what it saw, and the IMU links across it.
+void InertialOdometry::give_way(GraphEdit& edit) {
+  const InertialState state = *timeline_.latest();
+  for (std::uint32_t k = 0; k < map_.extent(); ++k) {
+    Track& t = map_.track(k);
+    if (t.live && t.has_landmark && sighting_at(t, state.time) != nullptr && t.sightings.size() < 3)
+      builder_.remove(edit, t);
+  }
+  map_.forget(state.time);
+  edit.remove(state.pose);
+  edit.remove(state.velocity);
+  edit.remove(state.bias);
+  timeline_.remove(state.time);
+}
+
+void InertialOdometry::add_sightings(GraphEdit& edit) {
+  for (const std::uint32_t place : seen_) {
+    Track& t = map_.track(place);
+    if (t.has_landmark)
+      builder_.extend(edit, t);
+    else
+      builder_.start(edit, t);
+  }
+}
+
+bool InertialOdometry::solve_and_gate(int iterations, UpdateReport& report) {
+  SolveOptions solve;
+  solve.max_iterations = iterations;
+  solve.function_tolerance = options_.function_tolerance;
+  solve.first_estimates = options_.first_estimates;
+  solve.trace = false;
+  const Summary summary = window_.solve(solve);
+  report.iterations = summary.iterations;
+  report.reason = "the solve failed: a cost or a system that is not finite";
+  if (summary.failed()) return false;
+  report.reason = "an edit was refused";
+  return gate() >= 0;
+}
+
+// Takes out sightings beyond the gate, and landmarks that they leave without support. How many; -1 where the edit is
+// refused.
+int InertialOdometry::gate() {
+  GraphEdit& edit = window_.edit();
+  const Graph& graph = window_.graph();
+  const double gate = options_.visual.gate;
+  int removed = 0;
+  for (std::uint32_t k = 0; k < map_.extent(); ++k) {
+    Track& t = map_.track(k);
+    if (!t.live || !t.has_landmark) continue;
+    const double rho = graph.value(t.landmark).rho;
+    const bool deep = rho * options_.visual.least_depth <= 1.0 && rho * 10.0 * options_.visual.greatest_depth >= 1.0;
+    std::size_t kept = 1;
+    for (std::size_t i = 0; deep && i < t.sightings.size(); ++i) {
+      Sighting& s = t.sightings[i];
+      const Vec2d e = builder_.errors(graph, t, s);
+      if (i > 0 && !(e[0] <= gate)) {
+        edit.remove(s.factor);
+        s.in_graph = false;
+        ++removed;
+      } else if (!(e[1] <= gate)) {
+        builder_.forget_right(edit, t, s);
+        ++removed;
+      }
+      if (i > 0 && s.in_graph) t.sightings[kept++] = s;
+    }
+    if (deep) t.sightings.resize(kept);
+    if (deep && kept > 1) continue;
+    drop(deep ? DropReason::unsupported : DropReason::bad_depth);
+    builder_.remove(edit, t);
+    map_.close(k);
+  }
+  drop(DropReason::outlier, removed);
+  return window_.commit() ? removed : -1;
+}
+
+bool InertialOdometry::is_keyframe(const InertialState& state) const {
+  const InertialState* last = last_keyframe();
+  if (last == nullptr || state.time - last->time >= options_.keyframes.interval) return true;
+  const Pose3d a = window_.graph().value(last->pose), b = window_.graph().value(state.pose);
+  const auto& mount = rig_.cameras[0];
+  angles_.clear();
+  for (const std::uint32_t place : seen_) {
+    const Track& t = map_.track(place);
+    const Sighting* s = t.live ? sighting_at(t, last->time) : nullptr;
+    if (s == nullptr || t.sightings.back().time != state.time) continue;
+    const Vec2d &u = s->bearing, &v = t.sightings.back().bearing;
+    angles_.push_back(angle_between(a.R * (mount.R_body_camera * Vec3d{{u[0], u[1], 1.0}}),
+                                    b.R * (mount.R_body_camera * Vec3d{{v[0], v[1], 1.0}})));
+  }
+  if (static_cast<double>(angles_.size()) < options_.keyframes.least_shared * static_cast<double>(seen_.size()))
+    return true;
+  const auto middle = angles_.begin() + static_cast<std::ptrdiff_t>(angles_.size() / 2);
+  std::nth_element(angles_.begin(), middle, angles_.end());
+  return middle != angles_.end() && *middle >= options_.keyframes.parallax;
+}
+
+void InertialOdometry::slide() {
+  while (static_cast<int>(timeline_.size()) > options_.keyframes.max_keyframes) {
+    const InertialState oldest = *timeline_.oldest();
+    left_.add(oldest.time, window_.graph().value(oldest.pose));
+    leaving_.assign({oldest.pose, oldest.velocity, oldest.bias});
+    MarginalizeOptions options;
+    options.first_estimates = options_.first_estimates;
+    if (const auto report = window_.slide(leaving_, options)) {
+      drop(DropReason::marginal_outlier, report->dropped_outliers);
+      drop(DropReason::marginal_invalid, report->dropped_invalid);
+    } else {
+      GraphEdit& edit = window_.edit();  // without what it knew, rather than a window that grows
+      for (std::uint32_t k = 0; k < map_.extent(); ++k)
+        if (Track& t = map_.track(k); t.live && t.has_landmark && t.sightings.front().time == oldest.time)
+          builder_.remove(edit, t);
+      for (const VariableKey id : leaving_) edit.remove(id);
+      if (!window_.commit()) return;
+    }
+    close_tracks(oldest.time);
+    timeline_.remove(oldest.time);
+  }
+  imu_.forget_before(timeline_.latest()->time);
+}
+
+// What is anchored at the oldest state was used up with it.
+void InertialOdometry::close_tracks(Time oldest) {
+  for (std::uint32_t k = 0; k < map_.extent(); ++k) {
+    const Track& t = map_.track(k);
+    if (t.live && t.has_landmark && t.sightings.front().time == oldest) map_.close(k);
+  }
+  map_.forget(oldest);
+}
+
+Trajectory InertialOdometry::final() const {
+  Trajectory all = left_;
+  for (const InertialState& s : timeline_) all.add(s.time, window_.graph().value(s.pose));
+  return all;
+}
+
+}  // namespace oriel

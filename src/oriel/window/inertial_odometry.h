@@ -1,0 +1,120 @@
+// Visual-inertial odometry over a sliding window: IMU and stereo (or mono) tracks in, poses out (docs/estimator.md).
+//
+// Each frame is a state (pose, velocity, biases) that the IMU links to the last keyframe. While a frame is the newest
+// it sees all its tracks; when the next one comes, it stays if it is a keyframe and gives way if not. The oldest
+// keyframe is marginalized when there are too many, with the landmarks that are anchored there.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "oriel/residual/imu_residual.h"
+#include "oriel/window/imu_buffer.h"
+#include "oriel/window/initialise.h"
+#include "oriel/window/landmark_builder.h"
+#include "oriel/window/sliding_window.h"
+#include "oriel/window/timeline.h"
+#include "oriel/window/trajectory.h"
+#include "oriel/window/visual_map.h"
+
+namespace oriel {
+
+struct InertialState {
+  Time time;
+  VariableId<Pose3d> pose;
+  VariableId<Velocity3d> velocity;
+  VariableId<ImuBiasd> bias;
+  bool keyframe = false;
+};
+
+struct InertialValues {
+  Pose3d T_world_body;
+  Velocity3d velocity;
+  ImuBiasd bias;
+};
+
+// Why a sighting, a landmark or a frame is not in the estimate.
+enum class DropReason : std::uint8_t {
+  no_ray,            // sighting: a pixel that the camera's model does not explain
+  outlier,           // sighting: beyond the gate after a solve
+  bad_depth,         // landmark: behind a camera, too near or too far after a solve
+  unsupported,       // landmark: fewer than two sightings are left
+  marginal_outlier,  // factor: beyond the gate when it was to be marginalized
+  marginal_invalid,  // factor: not valid when it was to be marginalized
+  uninitialised,     // frame: came before the start
+  no_motion,         // frame: no IMU samples that reach it
+  count
+};
+inline constexpr std::array<const char*, static_cast<std::size_t>(DropReason::count)> kDropReasonNames = {
+    "no_ray",           "outlier",          "bad_depth",     "unsupported",
+    "marginal_outlier", "marginal_invalid", "uninitialised", "no_motion"};
+
+struct UpdateReport {
+  enum class Status { initialising, initialised, tracking, failed };
+  Status status = Status::initialising;
+  const char* reason = "";  // of initialising and failed
+  Time time;
+  InertialValues values;  // at that time; of initialised and tracking
+  bool keyframe = false;
+  int iterations = 0, landmarks = 0, factors = 0;
+};
+
+class InertialOdometry {
+ public:
+  InertialOdometry(const StereoRigd& rig, bool stereo, const ImuNoise& noise, const OdometryOptions& options);
+
+  // Samples in the order of time; a frame is given after the samples up to its time.
+  Result<void> add_imu(const ImuSample& sample) { return imu_.add(sample); }
+  UpdateReport update(const StereoFrame& frame);
+
+  const Trajectory& causal() const { return causal_; }  // each state at the moment of its own update
+  Trajectory final() const;                             // each state as it was when it left the window, or is now
+  const std::array<std::int64_t, kDropReasonNames.size()>& dropped() const { return dropped_; }
+  SlidingWindow& window() { return window_; }
+  const Timeline<InertialState>& timeline() const { return timeline_; }
+  InertialValues values(const InertialState& state) const;
+
+ private:
+  UpdateReport initialise(const StereoFrame& frame);
+  bool begin(const Initialisation& start, UpdateReport& report);
+  void add_first_priors(GraphEdit& edit, const InertialState& state, const InertialValues& values,
+                        Initialisation::Kind kind);
+  void restart();
+  UpdateReport track(const StereoFrame& frame);
+  bool add_frame(const StereoFrame& frame, const InertialValues* given);
+  bool link(GraphEdit& edit, const InertialState& from, const InertialState& to, const ImuBiasd& bias);
+  InertialValues predict(const InertialState& from, const PreintegratedImud& motion) const;
+  void refine_prediction(InertialValues& predicted);
+  void give_way(GraphEdit& edit);
+  void add_sightings(GraphEdit& edit);
+  bool solve_and_gate(int iterations, UpdateReport& report);
+  int gate();
+  bool is_keyframe(const InertialState& state) const;
+  void slide();
+  void close_tracks(Time oldest);
+  void drop(DropReason reason, std::int64_t n = 1) { dropped_[static_cast<std::size_t>(reason)] += n; }
+  void fill(UpdateReport& report) const;
+  const InertialState* last_keyframe() const;
+
+  OdometryOptions options_;
+  ImuNoise noise_;
+  StereoRigd rig_;
+  ImuBuffer imu_;
+  SlidingWindow window_;
+  Timeline<InertialState> timeline_;
+  VisualMap map_;
+  LandmarkBuilder builder_;
+  Initialiser initialiser_;
+  bool initialised_ = false;
+  Pose3d T_world_origin_;  // where a restart puts its first pose
+  Trajectory causal_, left_;
+  std::array<std::int64_t, kDropReasonNames.size()> dropped_{};
+
+  std::vector<std::uint32_t> seen_;  // places of the newest frame's tracks
+  std::vector<PointSighting> known_;
+  std::vector<VariableKey> leaving_;
+  mutable std::vector<double> angles_;
+};
+
+}  // namespace oriel

@@ -1,0 +1,124 @@
+// The start of InertialOdometry: from buffered frames to the first window.
+#include "oriel/residual/prior.h"
+#include "oriel/window/inertial_odometry.h"
+
+namespace oriel {
+namespace {
+
+ImuNoise scaled(ImuNoise n, const InertialOptions& o) {
+  n.gyro *= o.noise_factor;
+  n.accel *= o.noise_factor;
+  n.gyro_walk *= o.walk_factor;
+  n.accel_walk *= o.walk_factor;
+  return n;
+}
+
+constexpr std::size_t kTracks = 4096;
+
+// Position and yaw are put tightly: that is where and how the world is. Roll and pitch are for gravity to say. The
+// tangent is in the body: its rotation R_world_body δ has the sigmas (tilt, tilt, yaw) in world.
+FullNoise<6> first_pose_noise(const Pose3d& T_world_body, const InitialisationOptions& o) {
+  const Mat3d R = T_world_body.R.matrix();
+  Mat3d W = Mat3d::zero();
+  W(0, 0) = W(1, 1) = 1.0 / (o.tilt_sigma * o.tilt_sigma);
+  W(2, 2) = 1.0 / (o.yaw_sigma * o.yaw_sigma);
+  Mat6d information = Mat6d::zero();
+  information.set_block(0, 0, R.transposed() * W * R);
+  information.set_block(3, 3, Mat3d::identity() / (o.position_sigma * o.position_sigma));
+  return Information(information);
+}
+
+// Position, and the turn about z alone.
+Pose3d level_part(const Pose3d& T) {
+  const Vec3d x = T.R * Vec3d{{1.0, 0.0, 0.0}};
+  return {Rot3d::exp({{0.0, 0.0, std::atan2(x[1], x[0])}}), T.t};
+}
+
+}  // namespace
+
+InertialOdometry::InertialOdometry(const StereoRigd& rig, bool stereo, const ImuNoise& noise,
+                                   const OdometryOptions& options)
+    : options_(options),
+      noise_(scaled(noise, options.inertial)),
+      rig_(rig),
+      map_(rig, stereo),
+      builder_(options.visual, rig),
+      initialiser_(rig, stereo, noise_, options) {
+  const std::size_t states = static_cast<std::size_t>(options.keyframes.max_keyframes) + 2;
+  timeline_.reserve(states);
+  map_.reserve(kTracks, states);
+}
+
+UpdateReport InertialOdometry::initialise(const StereoFrame& frame) {
+  UpdateReport report;
+  report.time = frame.time;
+  initialiser_.add(frame);
+  const Initialisation start = initialiser_.attempt(imu_);
+  if (start.kind == Initialisation::Kind::none) {
+    report.reason = start.reason;
+    drop(DropReason::uninitialised);
+    return report;
+  }
+  initialised_ = true;
+  if (!begin(start, report)) {
+    restart();
+    report.status = UpdateReport::Status::initialising;
+    return report;
+  }
+  report.status = UpdateReport::Status::initialised;
+  initialiser_.clear();
+  return report;
+}
+
+void InertialOdometry::restart() {
+  if (const InertialState* s = timeline_.latest()) T_world_origin_ = level_part(window_.graph().value(s->pose));
+  initialised_ = false;
+  timeline_.clear();
+  map_.clear();
+  (void)window_.clear();
+}
+
+bool InertialOdometry::begin(const Initialisation& start, UpdateReport& report) {
+  const FirstState& first = start.states.front();
+  GraphEdit& edit = window_.edit();
+  builder_.set_rig(edit.add(rig_));
+  InertialValues v{T_world_origin_ * first.T_world_body, {T_world_origin_.R * first.v_world}, start.bias};
+  const InertialState state{first.time, edit.add(v.T_world_body), edit.add(v.velocity), edit.add(v.bias), true};
+  timeline_.insert(state);
+  add_first_priors(edit, state, v, start.kind);
+  drop(DropReason::no_ray, map_.observe(initialiser_.frame(first.frame), state.pose, seen_));
+  report.reason = "the first window was refused";
+  if (!window_.commit()) return false;
+
+  for (std::size_t k = 1; k < start.states.size(); ++k) {
+    const FirstState& s = start.states[k];
+    v = {T_world_origin_ * s.T_world_body, {T_world_origin_.R * s.v_world}, start.bias};
+    if (!add_frame(initialiser_.frame(s.frame), &v)) return false;
+    timeline_.change(s.time)->keyframe = true;
+  }
+  if (start.states.size() > 1) {
+    for (int round = 0; round < 3; ++round)
+      if (!solve_and_gate(50, report)) return false;
+    fill(report);
+    causal_.add(report.time, report.values.T_world_body);
+  }
+  for (std::size_t k = start.states.back().frame + 1; k < initialiser_.size(); ++k) {
+    report = track(initialiser_.frame(k));
+    if (report.status == UpdateReport::Status::failed) return false;
+  }
+  return true;
+}
+
+void InertialOdometry::add_first_priors(GraphEdit& edit, const InertialState& state, const InertialValues& v,
+                                        Initialisation::Kind kind) {
+  const InitialisationOptions& o = options_.initialisation;
+  edit.add(Prior{v.T_world_body}, first_pose_noise(v.T_world_body, o), state.pose);
+  if (kind == Initialisation::Kind::standstill)
+    edit.add(Prior{Velocity3d{}}, Sigma(o.rest_velocity_sigma), state.velocity);
+  const double g = options_.inertial.gyro_bias_sigma, a = options_.inertial.accel_bias_sigma;
+  ImuBiasd mean = v.bias;
+  mean.accel = Vec3d::zero();
+  edit.add(Prior{mean}, Sigmas(Vec6d{{g, g, g, a, a, a}}), state.bias);
+}
+
+}  // namespace oriel

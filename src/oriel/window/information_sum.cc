@@ -1,0 +1,297 @@
+#include "oriel/window/information_sum.h"
+
+#include <algorithm>
+#include <cfloat>
+#include <cmath>
+#include <cstring>
+
+#include "oriel/base/pack.h"
+#include "oriel/linear/dense_kernels.h"
+#include "oriel/linear/dot.h"
+
+namespace oriel {
+namespace {
+
+constexpr int kLanes = Pack::kLanes, kStride = Batch::kRows;
+constexpr int kTile = 6;  // columns of a product tile
+constexpr int kLargestLandmark = 3;
+using V8 = Pack::Native;
+
+V8 load(const double* p) {
+  V8 v;
+  std::memcpy(&v, p, sizeof(v));
+  return v;
+}
+double sum(V8 v) {
+  const V8 a = v + __builtin_shuffle(v, Pack::NativeMask{4, 5, 6, 7, 0, 1, 2, 3});
+  const V8 b = a + __builtin_shuffle(a, Pack::NativeMask{2, 3, 0, 1, 6, 7, 4, 5});
+  return b[0] + b[1];
+}
+// 1 for the lanes of group [g, g + 8) within [begin, end).
+V8 mask(int g, int begin, int end) {
+  V8 m;
+  for (int l = 0; l < kLanes; ++l) m[l] = g + l >= begin && g + l < end ? 1.0 : 0.0;
+  return m;
+}
+
+// out[i] = Σ over lanes [begin, end) and residual rows of column x[i] times column y, i < W.
+template <int W>
+void products(const double* const* x, const double* y, int dim, int begin, int end, double* out) {
+  V8 s[W] = {};
+  for (int g = begin / kLanes * kLanes; g < end; g += kLanes) {
+    const bool whole = g >= begin && g + kLanes <= end;
+    const V8 m = whole ? V8{} + 1.0 : mask(g, begin, end);
+    for (int r = 0; r < dim; ++r) {
+      const V8 b = load(y + r * kStride + g) * m;
+#pragma GCC unroll 8
+      for (int i = 0; i < W; ++i) s[i] += load(x[i] + r * kStride + g) * b;
+    }
+  }
+#pragma GCC unroll 8
+  for (int i = 0; i < W; ++i) out[i] = sum(s[i]);
+}
+using Products = void (*)(const double* const*, const double*, int, int, int, double*);
+constexpr Products kProducts[kTile + 1] = {nullptr,     products<1>, products<2>, products<3>,
+                                           products<4>, products<5>, products<6>};
+
+// Lower Cholesky factor of a landmark's block; a pivot that is rounding error gets a zero row and column.
+struct SmallCholesky {
+  double l[kLargestLandmark][kLargestLandmark] = {}, inverse[kLargestLandmark] = {};
+
+  SmallCholesky(const double* v, int n) {
+    for (int j = 0; j < n; ++j) {
+      double pivot = v[j * kLargestLandmark + j];
+      for (int k = 0; k < j; ++k) pivot -= l[j][k] * l[j][k];
+      if (!(pivot > std::max(InformationSum::kRelativePivot * v[j * kLargestLandmark + j], DBL_MIN))) continue;
+      inverse[j] = 1.0 / std::sqrt(pivot);
+      for (int i = j + 1; i < n; ++i) {
+        double s = v[j * kLargestLandmark + i];
+        for (int k = 0; k < j; ++k) s -= l[i][k] * l[j][k];
+        l[i][j] = s * inverse[j];
+      }
+    }
+  }
+};
+
+}  // namespace
+
+void InformationSum::begin(const MarginalScope& scope, const MarginalComponent& component) {
+  scope_ = &scope, component_ = &component;
+  n_ = component.dim();
+  ld_ = dense::leading_dimension(n_);
+  const std::int64_t size = static_cast<std::int64_t>(ld_) * (n_ + dense::round_up_8(1));
+  h_.reserve(size);
+  std::fill_n(h_.data(), size, 0.0);
+  g_.reserve(ld_);
+  std::fill_n(g_.data(), ld_, 0.0);
+  taken_.assign(n_, 0.0);
+  undetermined_.clear();
+  panel_ld_ = dense::leading_dimension(component.seen_end - component.seen_begin);
+  const int landmarks = std::min(component.landmark_dim, MarginalScope::kChunk * kLargestLandmark);
+  panel_.reserve(static_cast<std::int64_t>(panel_ld_) * landmarks);
+  std::fill_n(panel_.data(), static_cast<std::int64_t>(panel_ld_) * landmarks, 0.0);
+  landmark_v_.assign(MarginalScope::kChunk * kLargestLandmark * kLargestLandmark, 0.0);
+  landmark_g_.assign(MarginalScope::kChunk * kLargestLandmark, 0.0);
+}
+
+void InformationSum::add(const AbsorbedBatch& b) {
+  const auto& v = scope_->variables();
+  auto same = [&](int l, int m) {
+    for (int a = 0; a < b.arguments; ++a) {
+      const std::int32_t x = b.variable[l * AbsorbedBatch::kLargestArity + a];
+      const std::int32_t y = b.variable[m * AbsorbedBatch::kLargestArity + a];
+      if (x != y && !(v[x].eliminated && v[y].eliminated)) return false;
+    }
+    return true;
+  };
+  for (int begin = 0; begin < b.batch->rows;) {
+    int end = begin + 1;
+    while (end < b.batch->rows && same(begin, end)) ++end;
+    lay_out(b, begin);
+    add_products(*b.batch, begin, end);
+    add_gradient(*b.batch, begin, end);
+    if (landmark_arg_ >= 0) add_landmarks(b, begin, end);
+    begin = end;
+  }
+}
+
+void InformationSum::lay_out(const AbsorbedBatch& b, int lane) {
+  columns_.clear();
+  targets_.clear();
+  landmark_arg_ = -1;
+  for (int a = 0; a < b.arguments; ++a) {
+    const MarginalVariable& v = scope_->variables()[b.variable[lane * AbsorbedBatch::kLargestArity + a]];
+    if (!v.has_columns()) continue;
+    if (v.eliminated) {
+      landmark_arg_ = a, landmark_column_ = b.argument[a].column, landmark_dim_ = v.dim;
+      continue;
+    }
+    for (int i = 0; i < v.dim; ++i) {
+      columns_.push_back(b.argument[a].column + i);
+      targets_.push_back(v.column + i);
+    }
+  }
+}
+
+// H += JᵀJ of all rows of the run: their sums are made in registers and added once.
+void InformationSum::add_products(const Batch& batch, int begin, int end) {
+  const int k = static_cast<int>(columns_.size()), stride = batch.dim * kStride;
+  const double* x[kTile];
+  double out[kTile];
+  for (int i0 = 0; i0 < k; i0 += kTile) {
+    const int w = std::min(kTile, k - i0);
+    for (int i = 0; i < w; ++i) x[i] = batch.J + columns_[i0 + i] * stride;
+    for (int c = 0; c < i0 + w; ++c) {
+      kProducts[w](x, batch.J + columns_[c] * stride, batch.dim, begin, end, out);
+      for (int i = std::max(0, c - i0); i < w; ++i) {
+        const int row = targets_[i0 + i], column = targets_[c];
+        const bool twice = row == column && i0 + i != c;  // one variable in two places of a factor
+        *at(std::max(row, column), std::min(row, column)) += twice ? 2.0 * out[i] : out[i];
+      }
+    }
+  }
+}
+
+void InformationSum::add_gradient(const Batch& batch, int begin, int end) {
+  const int k = static_cast<int>(columns_.size()), stride = batch.dim * kStride;
+  const double* x[kTile];
+  double out[kTile];
+  for (int i0 = 0; i0 < k; i0 += kTile) {
+    const int w = std::min(kTile, k - i0);
+    for (int i = 0; i < w; ++i) x[i] = batch.J + columns_[i0 + i] * stride;
+    kProducts[w](x, batch.r, batch.dim, begin, end, out);
+    for (int i = 0; i < w; ++i) g_.data()[targets_[i0 + i]] += out[i];
+  }
+}
+
+// V, g and W of the landmarks: eight products at once, each added where its lane's landmark is.
+void InformationSum::add_landmarks(const AbsorbedBatch& b, int begin, int end) {
+  const Batch& batch = *b.batch;
+  const int k = static_cast<int>(columns_.size()), stride = batch.dim * kStride, seen = component_->seen_begin;
+  for (int g = begin / kLanes * kLanes; g < end; g += kLanes) {
+    const int first = std::max(begin, g), last = std::min(end, g + kLanes);
+    int column[kLanes] = {}, slot[kLanes] = {};
+    for (int l = first; l < last; ++l) {
+      const MarginalVariable& v = scope_->variables()[b.variable[l * AbsorbedBatch::kLargestArity + landmark_arg_]];
+      column[l - g] = v.chunk_column, slot[l - g] = v.chunk_slot;
+    }
+    auto product = [&](const double* x, const double* y) {
+      V8 s{};
+      for (int r = 0; r < batch.dim; ++r) s += load(x + r * kStride + g) * load(y + r * kStride + g);
+      return s;
+    };
+    for (int q = 0; q < landmark_dim_; ++q) {
+      const double* y = batch.J + (landmark_column_ + q) * stride;
+      for (int p = q; p < landmark_dim_; ++p) {
+        const V8 s = product(batch.J + (landmark_column_ + p) * stride, y);
+        for (int l = first; l < last; ++l) landmark_v_[(slot[l - g] * 3 + q) * 3 + p] += s[l - g];
+      }
+      const V8 s = product(batch.r, y);
+      for (int l = first; l < last; ++l) landmark_g_[slot[l - g] * 3 + q] += s[l - g];
+      for (int i = 0; i < k; ++i) {
+        const V8 w = product(batch.J + columns_[i] * stride, y);
+        double* const row = panel_.data() + targets_[i] - seen;
+        for (int l = first; l < last; ++l) row[static_cast<std::int64_t>(column[l - g] + q) * panel_ld_] += w[l - g];
+      }
+    }
+  }
+}
+
+// With V = L Lᵀ and Z = W L⁻ᵀ: H -= Z Zᵀ, g -= Z (L⁻¹ g_l).
+void InformationSum::eliminate_landmarks(int chunk) {
+  const int seen = component_->seen_begin, n = component_->seen_end - seen;
+  int columns = 0;
+  for (std::uint32_t o = component_->variables_begin; o < component_->variables_end; ++o) {
+    const std::uint32_t at = scope_->ordered()[o];
+    const MarginalVariable& v = scope_->variables()[at];
+    if (!v.eliminated) break;
+    if (v.chunk != chunk) continue;
+    const SmallCholesky c(&landmark_v_[v.chunk_slot * 9], v.dim);
+    double* const z = panel_.data() + static_cast<std::int64_t>(v.chunk_column) * panel_ld_;
+    for (int j = 0; j < v.dim; ++j) {
+      if (c.inverse[j] == 0.0) undetermined_.push_back({at, j});
+      double y = landmark_g_[v.chunk_slot * 3 + j];
+      double* const zj = z + static_cast<std::int64_t>(j) * panel_ld_;
+      for (int k = 0; k < j; ++k) {
+        const double* const zk = z + static_cast<std::int64_t>(k) * panel_ld_;
+        for (int i = 0; i < n; ++i) zj[i] -= c.l[j][k] * zk[i];
+        y -= c.l[j][k] * landmark_g_[v.chunk_slot * 3 + k];
+      }
+      for (int i = 0; i < n; ++i) zj[i] *= c.inverse[j];
+      y *= c.inverse[j];
+      landmark_g_[v.chunk_slot * 3 + j] = y;
+      for (int i = 0; i < n; ++i) taken_[seen + i] += zj[i] * zj[i], g_.data()[seen + i] -= zj[i] * y;
+    }
+    columns += v.dim;
+  }
+  if (n > 0 && columns > 0) dense::syrk_lower_minus(at(seen, seen), ld_, n, panel_.data(), panel_ld_, columns);
+  std::fill_n(panel_.data(), static_cast<std::int64_t>(panel_ld_) * columns, 0.0);
+  std::fill(landmark_v_.begin(), landmark_v_.end(), 0.0);
+  std::fill(landmark_g_.begin(), landmark_g_.end(), 0.0);
+}
+
+// H += RᵀR, g += Rᵀr. R is trapezoidal as a rule: a slice of its rows begins at the first column that is not zero.
+void InformationSum::add(const AbsorbedPrior& p) {
+  const int ld = dense::leading_dimension(p.cols);
+  constexpr int kSlice = 16;
+  prior_.reserve(static_cast<std::int64_t>(ld) * kSlice);
+  product_.reserve(static_cast<std::int64_t>(ld) * p.cols);
+  std::fill_n(product_.data(), static_cast<std::int64_t>(ld) * p.cols, 0.0);
+  int first = 0;
+  for (int k0 = 0; k0 < p.rows; k0 += kSlice) {
+    const int k1 = std::min(k0 + kSlice, p.rows);
+    auto empty = [&](int c) {  // from row k0 on
+      return std::all_of(p.R + static_cast<std::int64_t>(c) * p.rows + k0,
+                         p.R + static_cast<std::int64_t>(c + 1) * p.rows, [](double x) { return x == 0.0; });
+    };
+    while (first < p.cols && empty(first)) ++first;
+    const int from = dense::round_down_8(first);
+    std::fill_n(prior_.data(), static_cast<std::int64_t>(ld) * kSlice, 0.0);
+    for (int c = from; c < p.cols; ++c)
+      for (int k = k0; k < k1; ++k)
+        prior_.data()[static_cast<std::int64_t>(k - k0) * ld + c] = p.R[static_cast<std::int64_t>(c) * p.rows + k];
+    if (from < p.cols)
+      dense::syrk_lower_minus(product_.data() + from + static_cast<std::int64_t>(from) * ld, ld, p.cols - from,
+                              prior_.data() + from, ld, k1 - k0);
+  }
+  for (int c = 0; c < p.cols; ++c) {
+    const int column = p.target[c];
+    if (column < 0) continue;
+    g_.data()[column] += dot(p.R + static_cast<std::int64_t>(c) * p.rows, p.r, p.rows);
+    const double* const from = product_.data() + static_cast<std::int64_t>(c) * ld;
+    for (int i = c; i < p.cols; ++i) {
+      const int row = p.target[i];
+      if (row >= 0) *at(std::max(row, column), std::min(row, column)) -= from[i];
+    }
+  }
+}
+
+void InformationSum::finish(SquareRootRows& out) {
+  const int leaving = component_->leaving_dim;
+  threshold_.resize(n_);
+  inverse_.resize(n_);
+  for (int j = 0; j < n_; ++j) threshold_[j] = std::max(kRelativePivot * (*at(j, j) + taken_[j]), DBL_MIN);
+  dense::factor_panel(h_.data(), ld_, n_, n_, threshold_.data(), inverse_.data());
+  dense::solve_panel_lower(h_.data(), ld_, n_, n_, inverse_.data(), g_.data());
+  out.undetermined = undetermined_;
+  for (std::uint32_t o = component_->variables_begin; o < component_->variables_end; ++o) {
+    const MarginalVariable& v = scope_->variables()[scope_->ordered()[o]];
+    if (v.eliminated || v.column >= leaving) continue;
+    for (int i = 0; i < v.dim; ++i)
+      if (inverse_[v.column + i] == 0.0) out.undetermined.push_back({scope_->ordered()[o], i});
+  }
+  out.cols = n_ - leaving;
+  out.rows = 0;
+  for (int j = leaving; j < n_; ++j) out.rows += inverse_[j] != 0.0;
+  out.R.assign(static_cast<std::size_t>(out.rows) * out.cols, 0.0);
+  out.d.resize(out.rows);
+  int row = 0;
+  for (int j = leaving; j < n_; ++j) {
+    if (inverse_[j] == 0.0) continue;
+    const double* const l = at(0, j);
+    for (int c = j; c < n_; ++c) out.R[static_cast<std::size_t>(c - leaving) * out.rows + row] = l[c];
+    out.d[row++] = g_.data()[j];
+  }
+}
+
+}  // namespace oriel

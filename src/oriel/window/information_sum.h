@@ -1,0 +1,47 @@
+// The sum of absorbed factors as an information matrix, H = Σ JᵀJ and g = Σ Jᵀr of one component, from which landmarks
+// are taken away chunk by chunk (Schur complement) and the leaving variables by the first columns of one Cholesky
+// factorization. What is left of its factor is the prior's R: with H = [A Bᵀ; B C] = L Lᵀ, the lower right part of L is
+// the factor of C - B A⁻¹ Bᵀ.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "oriel/linear/aligned_buffer.h"
+#include "oriel/window/absorbed_batch.h"
+
+namespace oriel {
+
+class InformationSum {
+ public:
+  // A pivot at or below this share of what was summed on the diagonal is rounding error: nothing determines it.
+  static constexpr double kRelativePivot = 1e-13;
+
+  void begin(const MarginalScope& scope, const MarginalComponent& component);
+  void add(const AbsorbedBatch& batch);
+  void add(const AbsorbedPrior& prior);
+  // Takes away the landmarks of a chunk, all of whose rows were added.
+  void eliminate_landmarks(int chunk);
+  // R and d of what stays, about the point of linearization.
+  void finish(SquareRootRows& out);
+
+ private:
+  struct Run;  // rows of a batch that touch the same variables, landmarks apart
+  void lay_out(const AbsorbedBatch& batch, int lane);
+  void add_products(const Batch& batch, int begin, int end);
+  void add_gradient(const Batch& batch, int begin, int end);
+  void add_landmarks(const AbsorbedBatch& batch, int begin, int end);
+  double* at(int row, int column) { return h_.data() + static_cast<std::int64_t>(column) * ld_ + row; }
+
+  const MarginalScope* scope_ = nullptr;
+  const MarginalComponent* component_ = nullptr;
+  int n_ = 0, ld_ = 0, panel_ld_ = 0;
+  AlignedBuffer h_, panel_, prior_, product_, g_;
+  std::vector<double> landmark_v_, landmark_g_, taken_, threshold_, inverse_;
+  std::vector<UndeterminedColumn> undetermined_;
+
+  // Of the run at hand: columns of J and where they go; the landmark's columns.
+  std::vector<int> columns_, targets_;
+  int landmark_arg_ = -1, landmark_column_ = 0, landmark_dim_ = 0;
+};
+
+}  // namespace oriel

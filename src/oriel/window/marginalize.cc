@@ -1,0 +1,212 @@
+#include "oriel/window/marginalize.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+#include "oriel/linear/evaluate_rows.h"
+
+namespace oriel {
+namespace {
+
+// Up to here reflections cost less than 0.1 ms [flop].
+constexpr double kQrFlops = 3e5;
+
+void clear_lane(Batch& batch, int l) {
+  batch.valid &= ~(std::uint64_t{1} << l);
+  for (int i = 0; i < batch.dim; ++i) batch.r[i * Batch::kRows + l] = 0.0;
+  for (int i = 0; i < batch.dim * batch.cols; ++i) batch.J[i * Batch::kRows + l] = 0.0;
+}
+
+}  // namespace
+
+Result<MarginalizeReport> Marginalizer::marginalize(Graph& graph, std::span<const VariableKey> leaving,
+                                                    const MarginalizeOptions& options, GraphEdit& edit) {
+  edit.clear();
+  if (auto ok = scope_.collect(graph, leaving, options.landmarks); !ok) return ok.error();
+  MarginalizeReport report;
+  report.closed_landmarks = scope_.closed_landmarks;
+  report.dropped_landmarks = scope_.dropped_landmarks;
+  report.kept_landmarks = scope_.kept_landmarks;
+  report.leaving_landmarks = scope_.leaving_landmarks;
+  report.dropped_with_landmarks = scope_.dropped_factors;
+  edit.require_version(graph.version());
+  for (const MarginalVariable& v : scope_.variables())
+    if (v.role != MarginalVariable::Role::staying) edit.remove(v.id);
+  for (const MarginalPrior& p : scope_.priors())
+    edit.remove(FactorId{PriorTable::kKey, graph.priors().slots().key(p.row)});
+  for (const MarginalComponent& component : scope_.components()) {
+    absorb(graph, component, options, report);
+    for (const UndeterminedColumn& u : root_.undetermined)
+      report.undetermined.push_back({scope_.variables()[u.variable].id, u.tangent});
+    if (options.fail_if_undetermined && !root_.undetermined.empty()) {
+      const UndeterminedScalar& first = report.undetermined.front();
+      const auto names = graph.find_ops(first.id.type)->tangent_names;
+      edit.clear();
+      return Error{ErrorCode::singular,
+                   "marginalize: nothing determines " +
+                       (names.empty() ? "scalar " + std::to_string(first.tangent) : std::string(names[first.tangent])) +
+                       " of " + graph.describe(first.id)};
+    }
+    write_prior(graph, component, options.first_estimates, edit, report);
+  }
+  return report;
+}
+
+bool Marginalizer::choose_qr(const Graph& graph, const MarginalComponent& component,
+                             const MarginalizeOptions& options) {
+  stacked_rows_ = 0;
+  for (std::uint32_t i = component.rows_begin; i < component.rows_end; ++i)
+    stacked_rows_ += graph.tables()[scope_.rows()[i].table]->ops().dim;
+  for (std::uint32_t i = component.priors_begin; i < component.priors_end; ++i)
+    stacked_rows_ += graph.priors().shape(scope_.priors()[i].row).rows;
+  if (options.method != SquareRootMethod::automatic) return options.method == SquareRootMethod::qr;
+  const double n = component.landmark_dim + component.dim();
+  return 2.0 * stacked_rows_ * n * n <= kQrFlops;
+}
+
+// The linearized factors and old priors of a component, reduced to what they say about the variables that stay.
+void Marginalizer::absorb(const Graph& graph, const MarginalComponent& component, const MarginalizeOptions& options,
+                          MarginalizeReport& report) {
+  use_qr_ = choose_qr(graph, component, options);
+  if (use_qr_)
+    stack_.begin(scope_, component, stacked_rows_);
+  else
+    sum_.begin(scope_, component);
+  const std::span<const MarginalRow> rows(scope_.rows().data(), scope_.rows().size());
+  for (std::uint32_t begin = component.rows_begin; begin < component.rows_end;) {
+    std::uint32_t end = begin + 1;
+    while (end < component.rows_end && end - begin < Batch::kRows && rows[end].major == rows[begin].major) ++end;
+    evaluate(graph, rows.subspan(begin, end - begin), options, report);
+    const bool chunk_ends = end == component.rows_end || rows[end].chunk != rows[begin].chunk;
+    if (!use_qr_ && chunk_ends && component.landmark_dim > 0) sum_.eliminate_landmarks(rows[begin].chunk);
+    begin = end;
+  }
+  for (std::uint32_t i = component.priors_begin; i < component.priors_end; ++i)
+    absorb_prior(graph, scope_.priors()[i].row, report);
+  if (use_qr_)
+    stack_.finish(root_);
+  else
+    sum_.finish(root_);
+}
+
+void Marginalizer::evaluate(const Graph& graph, std::span<const MarginalRow> rows, const MarginalizeOptions& options,
+                            MarginalizeReport& report) {
+  const FactorTable& table = *graph.tables()[rows[0].table];
+  batch_.arguments = 0;
+  int columns = 0;
+  int arg_of[AbsorbedBatch::kLargestArity];
+  for (int a = 0; a < table.arity(); ++a) {
+    const int dim = table.ops().variables[a]->dim;
+    if (dim == 0) continue;
+    arg_of[batch_.arguments] = a;
+    batch_.argument[batch_.arguments++] = {dim, columns};
+    columns += dim;
+  }
+  table_rows_.clear();
+  for (std::size_t l = 0; l < rows.size(); ++l) {
+    table_rows_.push_back(rows[l].row);
+    const auto refs = table.variables(rows[l].row);
+    for (int a = 0; a < batch_.arguments; ++a) {
+      const VariableRef& ref = refs[arg_of[a]];
+      batch_.variable[l * AbsorbedBatch::kLargestArity + a] =
+          scope_.find(ref.pool, graph.pools()[ref.pool]->slots().dense(ref.slot));
+    }
+  }
+  r_.reserve(std::int64_t{Batch::kRows} * table.ops().dim);
+  j_.reserve(std::int64_t{Batch::kRows} * table.ops().dim * columns);
+  Batch batch;
+  evaluate_rows(graph, table, table_rows_, nullptr, options.first_estimates, r_.data(), j_.data(), batch);
+  judge(table, batch, options, report);
+  batch_.batch = &batch;
+  if (use_qr_)
+    stack_.add(batch_);
+  else
+    sum_.add(batch_);
+}
+
+// A loss grows with the residual, so a residual above the threshold is a cost above the threshold's.
+void Marginalizer::judge(const FactorTable& table, Batch& batch, const MarginalizeOptions& options,
+                         MarginalizeReport& report) {
+  report.dropped_invalid += batch.rows - std::popcount(batch.valid);
+  const double t = options.outlier_threshold;
+  for (int l = 0; t > 0.0 && l < batch.rows; ++l) {
+    if (((batch.valid >> l) & 1) == 0) continue;
+    const Loss& loss = table.loss(table_rows_[l]);
+    if (batch.cost[l] <= 0.5 * evaluate_loss(loss.kind, loss.scale, t * t).rho) continue;
+    clear_lane(batch, l);
+    ++report.dropped_outliers;
+  }
+  report.absorbed_factors += std::popcount(batch.valid);
+}
+
+void Marginalizer::absorb_prior(const Graph& graph, std::uint32_t row, MarginalizeReport& report) {
+  const LinearPriorView p = graph.priors().numbers(row);
+  const double* estimate = graph.priors().estimates(row);
+  error_.resize(p.cols);
+  residual_.resize(p.rows);
+  targets_.clear();
+  int column = 0;
+  for (const VariableRef& ref : graph.priors().variables(row)) {
+    const VariablePool& pool = *graph.pools()[ref.pool];
+    const std::uint32_t dense = pool.slots().dense(ref.slot);
+    const MarginalVariable& v = scope_.variables()[scope_.find(ref.pool, dense)];
+    pool.ops().minus(pool.value(dense), estimate, error_.data() + column);
+    for (int i = 0; i < v.dim; ++i) targets_.push_back(v.has_columns() ? v.column + i : -1);
+    column += v.dim;
+    estimate += estimate_doubles(pool.ops());
+  }
+  evaluate_prior(p, error_.data(), residual_.data());
+  const AbsorbedPrior absorbed{p.rows, p.cols, p.R, residual_.data(), targets_.data()};
+  if (use_qr_)
+    stack_.add(absorbed);
+  else
+    sum_.add(absorbed);
+  ++report.absorbed_priors;
+}
+
+// x̂ of a variable goes to the prior, and x0 ⊟ x̂ to error_; false where they are the same.
+bool Marginalizer::shift(const Graph& graph, const MarginalVariable& v, bool first_estimates) {
+  const VariablePool& pool = *graph.pools()[v.pool];
+  const bool estimated = first_estimates && pool.has_first_estimate(v.dense);
+  const void* value = pool.value(v.dense);
+  const void* estimate = estimated ? pool.first_estimate(v.dense) : value;
+  const std::size_t at = prior_.estimates.size();
+  prior_.estimates.resize(at + estimate_doubles(pool.ops()), 0.0);
+  std::memcpy(prior_.estimates.data() + at, estimate, pool.ops().bytes);
+  if (!estimated || std::memcmp(value, estimate, pool.ops().bytes) == 0) return false;
+  error_.resize(v.dim);
+  pool.ops().minus(value, estimate, error_.data());
+  return true;
+}
+
+// The columns that say nothing are left out: a variable that no valid factor tied to the others is not in the prior.
+void Marginalizer::write_prior(const Graph& graph, const MarginalComponent& component, bool first_estimates,
+                               GraphEdit& edit, MarginalizeReport& report) {
+  const auto rows = static_cast<std::size_t>(root_.rows);
+  if (rows == 0) return;
+  prior_.variables.clear();
+  prior_.estimates.clear();
+  prior_.R.clear();
+  prior_.d.assign(root_.d.begin(), root_.d.end());
+  prior_.rows = root_.rows, prior_.cols = 0;
+  for (std::uint32_t o = component.variables_begin; o < component.variables_end; ++o) {
+    const MarginalVariable& v = scope_.variables()[scope_.ordered()[o]];
+    if (v.eliminated || v.role != MarginalVariable::Role::staying) continue;
+    const double* const R = root_.R.data() + rows * static_cast<std::size_t>(v.column - component.leaving_dim);
+    const std::size_t size = rows * static_cast<std::size_t>(v.dim);
+    if (std::all_of(R, R + size, [](double x) { return x == 0.0; })) continue;
+    prior_.variables.push_back(v.id);
+    prior_.R.insert(prior_.R.end(), R, R + size);
+    prior_.cols += v.dim;
+    if (!shift(graph, v, first_estimates)) continue;
+    for (int c = 0; c < v.dim; ++c)
+      for (std::size_t i = 0; i < rows; ++i) prior_.d[i] -= R[c * rows + i] * error_[c];
+  }
+  edit.add(prior_);
+  ++report.priors;
+  report.prior_rows += prior_.rows;
+  report.prior_cols += prior_.cols;
+}
+
+}  // namespace oriel

@@ -1,0 +1,87 @@
+// Marginalization: variables leave the graph, and what their factors said about the rest stays as a Gaussian prior.
+//
+//   Marginalizer marginalizer;                                   // a workspace: keep it
+//   GraphEdit edit = graph.edit();
+//   if (auto done = marginalizer.marginalize(graph, leaving, {}, edit)) (void)graph.apply(edit);
+//
+// All factors at the leaving variables are linearized at the graph's values, where the last solve left them:
+//   r(x) ≈ r(x0) + J (x ⊟ x0),  J at first estimates where there are any (decision 9), scaled by √ρ'.
+// Eliminating the leaving columns by orthogonal transformations, or by the Schur complement, leaves
+//   r = d0 + R (x ⊟ x0)  over the variables that stay, without loss for the linearized problem.
+// The prior is written about x̂, the first estimate of each variable or x0 where it has none:
+//   x ⊟ x0 = (x ⊟ x̂) - (x0 ⊟ x̂),  so  d = d0 - R (x0 ⊟ x̂):
+// exact for vectors and where x̂ = x0; else of first order, but at x = x0 the prior's residual is d0 on every manifold.
+// An old prior that is absorbed keeps its own R: it is r(x0) + R (x ⊟ x0) with r(x0) = d + R (x0 ⊟ x̂).
+#pragma once
+#include <span>
+#include <vector>
+
+#include "oriel/graph/graph.h"
+#include "oriel/linear/aligned_buffer.h"
+#include "oriel/solve/summary.h"
+#include "oriel/window/information_sum.h"
+#include "oriel/window/marginal_scope.h"
+#include "oriel/window/stacked_rows.h"
+
+namespace oriel {
+
+enum class SquareRootMethod { automatic, qr, schur };  // automatic: QR where it is cheap
+
+struct MarginalizeOptions {
+  LandmarkPolicy landmarks = LandmarkPolicy::close;
+  bool first_estimates = true;
+  // A factor whose whitened residual is longer than this is dropped and counted [sigmas]; 0: none is.
+  double outlier_threshold = 0.0;
+  // A leaving scalar that no factor determines: an error that names it, or what the rest says is kept without it.
+  bool fail_if_undetermined = false;
+  SquareRootMethod method = SquareRootMethod::automatic;
+};
+
+struct MarginalizeReport {
+  int absorbed_factors = 0, absorbed_priors = 0;
+  int dropped_invalid = 0;         // factors that are not valid at the values, or not finite
+  int dropped_outliers = 0;        // above the outlier threshold
+  int dropped_with_landmarks = 0;  // factors of dropped landmarks
+  // Landmarks that leaving and staying variables see, by policy; and those that leaving ones see alone.
+  int closed_landmarks = 0, dropped_landmarks = 0, kept_landmarks = 0, leaving_landmarks = 0;
+  int priors = 0, prior_rows = 0, prior_cols = 0;  // what is new
+  std::vector<UndeterminedScalar> undetermined;    // leaving scalars that nothing determined
+};
+
+class Marginalizer {
+ public:
+  // Fills `edit` (cleared first; lent by this graph) with the removal of `leaving`, of landmarks by policy, and of the
+  // priors that are absorbed, and with the new priors on the neighbours; the factors go with their variables. It names
+  // the version of the graph that it saw. Fixed variables are taken as known and get no columns. The graph itself only
+  // lends ids. Errors: stale_id, duplicate, bad_input (a constant), singular (fail_if_undetermined); then `edit` is
+  // empty.
+  Result<MarginalizeReport> marginalize(Graph& graph, std::span<const VariableKey> leaving,
+                                        const MarginalizeOptions& options, GraphEdit& edit);
+
+ private:
+  bool choose_qr(const Graph& graph, const MarginalComponent& component, const MarginalizeOptions& options);
+  void absorb(const Graph& graph, const MarginalComponent& component, const MarginalizeOptions& options,
+              MarginalizeReport& report);
+  void evaluate(const Graph& graph, std::span<const MarginalRow> rows, const MarginalizeOptions& options,
+                MarginalizeReport& report);
+  void judge(const FactorTable& table, Batch& batch, const MarginalizeOptions& options, MarginalizeReport& report);
+  void absorb_prior(const Graph& graph, std::uint32_t row, MarginalizeReport& report);
+  void write_prior(const Graph& graph, const MarginalComponent& component, bool first_estimates, GraphEdit& edit,
+                   MarginalizeReport& report);
+  bool shift(const Graph& graph, const MarginalVariable& variable, bool first_estimates);
+
+  MarginalScope scope_;
+  InformationSum sum_;
+  StackedRows stack_;
+  bool use_qr_ = false;
+  int stacked_rows_ = 0;
+  SquareRootRows root_;
+  LinearPrior prior_;
+  AlignedBuffer r_, j_;
+  AbsorbedBatch batch_;
+  std::vector<std::uint32_t> table_rows_;
+  std::vector<double> error_, residual_;
+  std::vector<std::int32_t> targets_;
+};
+
+}  // namespace oriel

@@ -1,0 +1,52 @@
+// SlidingWindow: a graph, the engine that solves it and the marginalizer that keeps it small. It knows no sensors, no
+// times and no threads: what goes in and what leaves is an edit or a list of variables, and every step is seen by an
+// observer, so that a run can be recorded and replayed.
+#pragma once
+#include <span>
+
+#include "oriel/graph/graph.h"
+#include "oriel/solve/native_engine.h"
+#include "oriel/window/marginalize.h"
+
+namespace oriel {
+
+// What a journal hangs on.
+class WindowObserver {
+ public:
+  virtual ~WindowObserver() = default;
+  virtual void edited(const GraphEdit& edit) = 0;  // after it was applied
+  virtual void solved(const Graph& graph, const SolverState& state) = 0;
+};
+
+class SlidingWindow {
+ public:
+  SlidingWindow() : engine_(graph_), edit_(graph_) {}
+  SlidingWindow(const SlidingWindow&) = delete;
+  SlidingWindow& operator=(const SlidingWindow&) = delete;
+
+  const Graph& graph() const { return graph_; }
+  const NativeEngine& engine() const { return engine_; }
+  void observe(WindowObserver* observer) { observer_ = observer; }
+
+  // An empty edit, to be filled and committed.
+  GraphEdit& edit() {
+    edit_.clear();
+    return edit_;
+  }
+  Result<void> commit();
+  // On failure the values are those from before.
+  Summary solve(const SolveOptions& options);
+  // Variables leave at the values of the last solve; what they knew becomes a prior on their neighbours.
+  Result<MarginalizeReport> slide(std::span<const VariableKey> leaving, const MarginalizeOptions& options);
+  // Everything leaves.
+  Result<void> clear();
+
+ private:
+  Graph graph_;
+  NativeEngine engine_;
+  GraphEdit edit_;
+  Marginalizer marginalizer_;
+  WindowObserver* observer_ = nullptr;
+};
+
+}  // namespace oriel

@@ -1,0 +1,32 @@
+// The same as InformationSum by orthogonal transformations: all absorbed rows stacked, [landmarks | leaving | staying |
+// r], brought to echelon form by Householder reflections. Nothing is squared, so information of very different size
+// survives side by side (Demmel et al., "Square Root Marginalization for Sliding-Window Bundle Adjustment", ICCV 2021,
+// section 4); the price is 2 m n² operations.
+#pragma once
+#include "oriel/window/absorbed_batch.h"
+
+namespace oriel {
+
+class StackedRows {
+ public:
+  // What is left of a column, against all of it, is rounding error at this ratio: nothing determines it.
+  static constexpr double kNegligible = 1e-13;
+
+  void begin(const MarginalScope& scope, const MarginalComponent& component, int rows);
+  void add(const AbsorbedBatch& batch);
+  void add(const AbsorbedPrior& prior);
+  void finish(SquareRootRows& out);
+
+ private:
+  double* column(int c) { return a_.data() + static_cast<std::size_t>(c) * capacity_; }
+  // Columns [from, to), using rows from `used` on; which columns got no row. Returns the rows used.
+  int reduce(int from, int to, int used);
+
+  const MarginalScope* scope_ = nullptr;
+  const MarginalComponent* component_ = nullptr;
+  int capacity_ = 0, rows_ = 0;
+  std::vector<double> a_;  // capacity × (landmarks + leaving + staying + 1)
+  std::vector<char> empty_;
+};
+
+}  // namespace oriel

@@ -1,0 +1,35 @@
+// Visual odometry of a stereo camera over a few frames, for the start: each frame against the points that earlier ones
+// triangulated.
+#pragma once
+#include <utility>
+#include <vector>
+
+#include "oriel/sensor/feature_track.h"
+#include "oriel/window/refine_pose.h"
+
+namespace oriel {
+
+struct TimedPose {
+  Time time;
+  Pose3d T_world_body;
+};
+
+class StereoOdometry {
+ public:
+  explicit StereoOdometry(const StereoRigd& rig) : rig_(rig) {}
+
+  // `turn` is the rotation since the last frame, R_last_body, as a gyroscope says. The first frame is the origin.
+  // Returns how many points agree with the pose that was found; the first frame has as many as it triangulated.
+  int add(const StereoFrame& frame, const Rot3d& turn);
+  const std::vector<TimedPose>& poses() const { return poses_; }
+
+ private:
+  void triangulate_new(const StereoFrame& frame, const Pose3d& T_world_body);
+
+  StereoRigd rig_;
+  std::vector<TimedPose> poses_;
+  std::vector<std::pair<std::int64_t, Vec3d>> points_;  // by track
+  std::vector<PointSighting> sightings_;
+};
+
+}  // namespace oriel
