@@ -138,7 +138,7 @@ std::string gauge_text(const BatchProblem& problem, const Summary& summary) {
   std::string text = "first pose held (id " + std::to_string(file.ids.front()) + ")";
   if (file.fixed.size() == 1) text = "held by FIX (id " + std::to_string(file.ids[file.fixed[0]]) + ")";
   if (file.fixed.size() > 1) text = "held by FIX (" + std::to_string(file.fixed.size()) + " poses)";
-  if (!summary.gauge.empty()) text += "; free in common: " + std::to_string(summary.gauge.size()) + " directions";
+  for (const UndeterminedDirection& d : summary.gauge) text += "; free in common: " + direction_text(problem, d);
   return text;
 }
 

@@ -14,15 +14,16 @@ namespace oriel::apps {
 namespace {
 
 struct RunArguments {
-  std::string recording, json, out;
+  std::string recording, json, out, journal;
 };
 
 Result<int> run_and_report(const RunArguments& a) {
-  for (const std::string& target : {a.json, a.out})
+  for (const std::string& target : {a.json, a.out, a.journal})
     if (auto ok = check_target(target); !ok) return ok.error();
   const Result<Recording> recording = read_recording(a.recording);
   if (!recording) return recording.error();
   RunOptions options;
+  options.journal = a.journal;
   options.progress = ::isatty(STDERR_FILENO) == 1;
   const Result<RunReport> report = run_recording(*recording, options);
   if (!report) return report.error();
@@ -48,6 +49,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_option("RECORDING", a->recording, "Folder that `oriel import` made")->required();
   command->add_option("--json", a->json, "Report as one object; - is standard output");
   command->add_option("--out", a->out, "Trajectory to write (TUM): each pose as it was known at its own update");
+  command->add_option("--journal", a->journal, "File for every edit and solve, for `oriel replay`");
   command->callback([a, &exit_code] { exit_code = run(*a); });
 }
 

@@ -7,11 +7,13 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <memory>
 
 #include "apps/allocation_counter.h"
 #include "apps/command.h"
 #include "oriel/evaluate/associate.h"
 #include "oriel/evaluate/ate.h"
+#include "oriel/io/journal.h"
 #include "oriel/window/inertial_odometry.h"
 
 namespace oriel::apps {
@@ -49,6 +51,17 @@ double percentile(const std::vector<double>& sorted, double share) {
   return sorted[std::clamp<std::size_t>(rank, 1, sorted.size()) - 1];
 }
 
+// Writes down what the window does.
+struct Recorder final : WindowObserver {
+  explicit Recorder(JournalWriter&& j) : journal(std::move(j)) {}
+  void edited() override { journal.edited(); }
+  void solved(const SolveOptions& options, const SolverState& before, const Summary& summary,
+              const NativeEngine& engine) override {
+    journal.solved(options, before, summary, engine);
+  }
+  JournalWriter journal;
+};
+
 // Drives the odometry through a recording and keeps the books.
 class Run {
  public:
@@ -56,14 +69,14 @@ class Run {
       : recording_(recording),
         options_(options),
         odometry_(rig_of(recording), recording.cameras.size() > 1, noise_of(recording.imu_noise), options.odometry) {
-    odometry_.window().observe(options.observer);
     report_.recording = recording.name;
     report_.duration_s = (recording.frames.back().time - recording.frames.front().time).seconds();
     report_.initialised_after_s = kNone;
     milliseconds_.reserve(recording.frames.size());
   }
 
-  RunReport operator()() {
+  Result<RunReport> operator()() {
+    if (auto ok = open_journal(); !ok) return ok.error();
     for (const RecordedFrame& frame : recording_.frames) {
       feed_imu(frame.time);
       update(frame);
@@ -72,10 +85,21 @@ class Run {
     if (options_.progress) std::fputs("\n", stderr);
     summarize();
     judge();
+    if (recorder_)
+      if (auto ok = recorder_->journal.close(); !ok) return ok.error();
     return std::move(report_);
   }
 
  private:
+  Result<void> open_journal() {
+    if (options_.journal.empty()) return {};
+    Result<JournalWriter> journal = JournalWriter::create(options_.journal, odometry_.window().followed());
+    if (!journal) return journal.error();
+    recorder_ = std::make_unique<Recorder>(std::move(*journal));
+    odometry_.window().observe(recorder_.get());
+    return {};
+  }
+
   // Up to the first sample at or after the frame: the motion is interpolated to the frame's own time.
   void feed_imu(Time until) {
     while (next_imu_ < recording_.imu.size()) {
@@ -94,11 +118,11 @@ class Run {
     last_ = odometry_.update({frame.time, features_});
     milliseconds_.push_back(
         std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - began).count());
-    if (full_) {
+    if (steady_) {
       ++steady_updates_;
       steady_allocations_ += allocation_count() - allocations;
     }
-    full_ = full_ || static_cast<int>(odometry_.timeline().size()) >= options_.odometry.keyframes.max_keyframes;
+    steady_ = steady_ || odometry_.left() >= options_.odometry.keyframes.max_keyframes;
     count(frame);
   }
 
@@ -164,10 +188,11 @@ class Run {
   const Recording& recording_;
   const RunOptions& options_;
   InertialOdometry odometry_;
+  std::unique_ptr<Recorder> recorder_;  // stands on the odometry's graph
   RunReport report_;
   UpdateReport last_;
   std::size_t next_imu_ = 0;
-  bool full_ = false;
+  bool steady_ = false;  // every state of the first full window has left
   std::int64_t frames_after_ = 0, estimated_ = 0, steady_updates_ = 0, steady_allocations_ = 0;
   std::vector<double> milliseconds_;
   std::vector<FeatureObservation> features_;

@@ -6,14 +6,13 @@
 
 #include "oriel/io/recording.h"
 #include "oriel/window/odometry_options.h"
-#include "oriel/window/sliding_window.h"
 
 namespace oriel::apps {
 
 struct RunOptions {
   OdometryOptions odometry;
-  WindowObserver* observer = nullptr;  // sees every edit and solve
-  bool progress = false;               // a line on standard error
+  std::string journal;    // file that every edit and solve is written to; empty: none
+  bool progress = false;  // a line on standard error
 };
 
 struct RunReport {
@@ -27,13 +26,13 @@ struct RunReport {
   double ate_m = 0.0, ate_final_m = 0.0, ate_deg = 0.0;       // SE(3)-aligned; NaN without truth. ate_deg is causal
   double path_m = 0.0;                                        // of the truth where there is one, else of the estimate
   std::vector<std::pair<std::string, std::int64_t>> dropped;  // by reason
-  double allocations_per_update = 0.0;  // mean over the updates after the window was full for the first time
+  double allocations_per_update = 0.0;  // mean over the updates after the first full window has left
   double peak_rss_mb = 0.0;
   std::vector<std::string> warnings;
   std::vector<TumPose> causal, final;  // each pose at the moment of its own update; and when it left the window
 };
 
-// Errors: a recording that has no cameras, IMU samples or frames.
+// Errors: a recording that has no cameras, IMU samples or frames; a journal that can't be written.
 Result<RunReport> run_recording(const Recording& recording, const RunOptions& options);
 
 std::string to_json(const RunReport& report);

@@ -80,7 +80,7 @@ Result<int> solve_all(const SolveArguments& a) {
   for (BatchProblem& problem : *problems) {
     Result<SolvedFile> file = solve_problem(problem, solve_options(a), a.out);
     if (!file) return file.error();
-    if (!file->summary.converged()) exit_code = kNotConverged;
+    if (!file->converged()) exit_code = kNotConverged;
     if (a.json != "-") std::fputs(solve_text(*file).c_str(), stdout);
     solved.push_back(std::move(*file));
     problem = BatchProblem{};  // its memory is not the next one's

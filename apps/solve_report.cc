@@ -33,8 +33,8 @@ Json object_of(const SolvedFile& f) {
   o["final_cost"] = s.final_cost;
   o["trace"] = trace_json(s);
   o["iterations"] = s.iterations;
-  o["converged"] = s.converged();
-  o["reason"] = s.reason_text();
+  o["converged"] = f.converged();
+  o["reason"] = f.reason();
   o["method"] = name_of(s.method);
   o["linear_solver"] = s.linear_solver;
   o["threads"] = f.threads;
@@ -47,6 +47,12 @@ Json object_of(const SolvedFile& f) {
 }
 
 }  // namespace
+
+std::string SolvedFile::reason() const {
+  if (summary.not_finite_factors == 0) return summary.reason_text();
+  return fmt::format("{} factors are not finite > 0; of the rest: {}", summary.not_finite_factors,
+                     summary.reason_text());
+}
 
 std::string solve_json(const std::vector<SolvedFile>& files) {
   Json array = Json::array();
@@ -65,7 +71,7 @@ std::string solve_text(const SolvedFile& f) {
   if (s.invalid_factors > 0) out += fmt::format("  factors that are not valid at the end: {}\n", s.invalid_factors);
   out += fmt::format("  cost {:.9g} -> {:.9g} in {} iterations ({}, {}, threads {})\n", s.initial_cost, s.final_cost,
                      s.iterations, name_of(s.method), s.linear_solver, f.threads);
-  out += fmt::format("  {}: {}\n", s.converged() ? "converged" : "NOT converged", s.reason_text());
+  out += fmt::format("  {}: {}\n", f.converged() ? "converged" : "NOT converged", f.reason());
   out += fmt::format("  time: read {:.1f}, setup {:.1f}, solve {:.1f}, total {:.1f} ms; memory {:.0f} MB\n",
                      f.read_seconds * 1e3, f.setup_seconds * 1e3, s.seconds.total * 1e3, f.total_seconds * 1e3,
                      f.peak_rss_mb);

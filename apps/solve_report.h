@@ -17,6 +17,10 @@ struct SolvedFile {
   double peak_rss_mb = 0.0;
   std::vector<std::string> undetermined;
   Summary summary;
+
+  // A factor whose residual is no number is left out of the cost; the minimum of the rest is no answer to the file.
+  bool converged() const { return summary.converged() && summary.not_finite_factors == 0; }
+  std::string reason() const;
 };
 
 // One array, one object a file; its keys are described in docs/command.md. NaN and infinities are null.

@@ -28,7 +28,7 @@ struct Arguments {
 const char* kUsage =
     "window_vs_ceres [--mode stereo|mono] [--keyframes N] [--landmarks N] [--slides N] [--iterations N]\n"
     "                [--loss none|huber:K|cauchy:K] [--first-estimates on|off] [--lambda L] [--block N] [--seed N]\n"
-    "                [--ceres NAME] [--json FILE]\n";
+    "                [--ceres NAME|none] [--json FILE]\n";
 
 bool parse_loss(const std::string& text, Loss& loss) {
   const auto colon = text.find(':');
@@ -158,38 +158,97 @@ Agreement compare(const Samples& ours, const Samples& theirs) {
   return a;
 }
 
-void print_stages(const StageTimes& s, const CeresWindow::Stages& c, double slides) {
-  const auto us = [slides](double t) { return 1e6 * t / slides; };
-  std::printf(
-      "  oriel, mean us a slide: structure %.1f, evaluate %.1f, linearize %.1f, eliminate %.1f, factor %.1f, solve "
-      "%.1f, "
-      "retract %.1f, adopt %.1f\n",
-      us(s.structure), us(s.evaluate), us(s.linearize), us(s.eliminate), us(s.factor), us(s.solve), us(s.retract),
-      us(s.adopt));
-  std::printf("  ceres, mean us a slide: preprocess %.1f, residuals %.1f, jacobians %.1f, linear solver %.1f\n",
-              us(c.preprocess), us(c.residuals), us(c.jacobians), us(c.linear));
+// Medians over the slides, stage by stage [µs].
+nlohmann::json stage_figures(const Samples& s) {
+  const auto us = [&s](double StageTimes::*member) {
+    std::vector<double> column;
+    for (const SlideReport& r : s.reports) column.push_back(1e6 * (r.stages.*member));
+    return median(column);
+  };
+  return {{"structure", us(&StageTimes::structure)}, {"evaluate", us(&StageTimes::evaluate)},
+          {"linearize", us(&StageTimes::linearize)}, {"eliminate", us(&StageTimes::eliminate)},
+          {"factor", us(&StageTimes::factor)},       {"solve", us(&StageTimes::solve)},
+          {"retract", us(&StageTimes::retract)},     {"adopt", us(&StageTimes::adopt)}};
 }
 
-nlohmann::json stage_figures(const OrielWindow& oriel, double slides) {
-  const StageTimes& s = oriel.stages();
-  const auto ms = [slides](double t) { return 1e3 * t / slides; };
-  const Summary& last = oriel.last_summary();
-  return {{"structure_ms", ms(s.structure)},    {"evaluate_ms", ms(s.evaluate)},     {"linearize_ms", ms(s.linearize)},
-          {"eliminate_ms", ms(s.eliminate)},    {"factor_ms", ms(s.factor)},         {"solve_ms", ms(s.solve)},
-          {"retract_ms", ms(s.retract)},        {"adopt_ms", ms(s.adopt)},           {"kept_dim", last.kept_dim},
-          {"landmarks", last.landmark_dim},     {"factor_flops", last.factor_flops}, {"schur_flops", last.schur_flops},
-          {"linear_solver", last.linear_solver}};
+void print_stages(const char* name, const nlohmann::json& stages) {
+  std::printf("  %-8s median us of a slide:", name);
+  for (const char* key : {"structure", "evaluate", "linearize", "eliminate", "factor", "solve", "retract", "adopt"})
+    std::printf(" %s %.1f", key, stages[key].get<double>());
+  std::printf("\n");
 }
 
 double drift(const WindowData& data, const Pose3d& pose) {
   return (data.stream.keyframes.back().T_world_body.t - pose.t).norm();
 }
 
-int race(const Arguments& a) {
-  const WindowData data = simulate(a.stream, a.window.stereo);
+bool report_errors(const std::string& ours, const std::string& theirs) {
+  if (!ours.empty()) std::fprintf(stderr, "window_vs_ceres: oriel: %s\n", ours.c_str());
+  if (!theirs.empty()) std::fprintf(stderr, "window_vs_ceres: ceres: %s\n", theirs.c_str());
+  return !ours.empty() || !theirs.empty();
+}
+
+void print_head(const Arguments& a) {
   std::printf("%s, %d keyframes, %d landmarks, %d slides, %d LM iterations, first estimates %s\n",
               a.window.stereo ? "stereo" : "mono", a.window.window, a.stream.landmarks, a.slides, a.window.iterations,
               a.window.first_estimates ? "on" : "off");
+}
+const char* kColumns =
+    "  [ms]     update p50       p99   cpu p50       p99 |     build     solve      fold | allocations\n";
+
+void print_comparison(const nlohmann::json& out) {
+  const auto& costs = out["cost_difference"];
+  std::printf("  times faster than ceres (%s): %.2f wall, %.2f cpu (medians of pairs)\n",
+              out["ceres_setting"].get<std::string>().c_str(), out["times_faster"]["wall"].get<double>(),
+              out["times_faster"]["cpu"].get<double>());
+  std::printf(
+      "  final costs differ by %.1e (median), %.1e (slide %d); by more than 1e-6 in %d; other iterations in %d\n",
+      costs["median"].get<double>(), costs["worst"].get<double>(), costs["worst_slide"].get<int>(),
+      costs["slides_apart"].get<int>(), costs["slides_with_other_iterations"].get<int>());
+}
+
+nlohmann::json comparison(const Arguments& a, const Samples& ours, const Samples& theirs, const std::string& setting) {
+  std::vector<double> wall, cpu;
+  for (std::size_t i = 0; i < ours.reports.size(); ++i) {
+    wall.push_back(theirs.reports[i].wall / ours.reports[i].wall);
+    cpu.push_back(theirs.reports[i].cpu / ours.reports[i].cpu);
+  }
+  const Agreement agreement = compare(ours, theirs);
+  const SlideReport& size = theirs.reports.back();
+  return {{"mode", a.window.stereo ? "stereo" : "mono"},
+          {"keyframes", a.window.window},
+          {"landmarks", size.landmarks},
+          {"residual_blocks", size.reprojections},
+          {"residual_rows", size.residual_rows},
+          {"slides", a.slides},
+          {"iterations", a.window.iterations},
+          {"first_estimates", a.window.first_estimates},
+          {"ceres_setting", setting},
+          {"times_faster", {{"wall", median(wall)}, {"cpu", median(cpu)}}},
+          {"cost_difference",
+           {{"median", agreement.median_final},
+            {"worst", agreement.worst_final},
+            {"worst_slide", agreement.worst_slide},
+            {"slides_apart", agreement.apart},
+            {"slides_with_other_iterations", agreement.other_iterations}}}};
+}
+
+// Oriel alone: to look at its stages while they are worked on.
+int run_alone(const Arguments& a, const WindowData& data) {
+  OrielWindow oriel(data, a.window);
+  fill(oriel, a.window);
+  Samples ours;
+  run_block(oriel, a.slides, ours);
+  std::fputs(kColumns, stdout);
+  print_row("oriel", figures(ours));
+  print_stages("oriel", stage_figures(ours));
+  return report_errors(oriel.error(), {}) ? 1 : 0;
+}
+
+int race(const Arguments& a) {
+  const WindowData data = simulate(a.stream, a.window.stereo);
+  print_head(a);
+  if (a.setting == "none") return run_alone(a, data);
   const CeresSetting setting = best_setting(data, a);
   OrielWindow oriel(data, a.window);
   CeresWindow ceres(data, a.window, setting);
@@ -199,48 +258,21 @@ int race(const Arguments& a) {
     run_block(oriel, std::min(a.block, a.slides - done), ours);
     run_block(ceres, std::min(a.block, a.slides - done), theirs);
   }
-  for (const std::string& error : {oriel.error(), ceres.error()})
-    if (!error.empty()) std::printf("  FAILED: %s\n", error.c_str());
-
-  nlohmann::json o = figures(ours), c = figures(theirs);
+  if (report_errors(oriel.error(), ceres.error())) return 1;
+  nlohmann::json out = comparison(a, ours, theirs, setting.name);
+  out["oriel"] = figures(ours), out["ceres"] = figures(theirs);
+  out["oriel"]["stages_us"] = stage_figures(ours), out["ceres"]["stages_us"] = stage_figures(theirs);
   const SlideReport& size = theirs.reports.back();
-  const Agreement agreement = compare(ours, theirs);
-  std::vector<double> wall_ratio, cpu_ratio;
-  for (std::size_t i = 0; i < ours.reports.size(); ++i) {
-    wall_ratio.push_back(theirs.reports[i].wall / ours.reports[i].wall);
-    cpu_ratio.push_back(theirs.reports[i].cpu / ours.reports[i].cpu);
-  }
   std::printf("  a window: %d landmarks, %d residual blocks, %d rows; unknowns besides landmarks %d\n", size.landmarks,
               size.reprojections, size.residual_rows, 15 * a.window.window);
-  std::printf("  [ms]     update p50       p99   cpu p50       p99 |     build     solve      fold | allocations\n");
-  print_row("oriel", o), print_row("ceres", c);
-  print_stages(oriel.stages(), ceres.stages(), a.slides + a.window.window - 1);
-  std::printf("  times faster than ceres (%s): %.2f wall, %.2f cpu (medians of pairs)\n", setting.name.c_str(),
-              median(wall_ratio), median(cpu_ratio));
-  std::printf(
-      "  final costs differ by %.1e (median), %.1e (slide %d); by more than 1e-6 in %d; other iterations in %d\n",
-      agreement.median_final, agreement.worst_final, agreement.worst_slide, agreement.apart,
-      agreement.other_iterations);
+  std::fputs(kColumns, stdout);
+  print_row("oriel", out["oriel"]), print_row("ceres", out["ceres"]);
+  print_stages("oriel", out["oriel"]["stages_us"]), print_stages("ceres", out["ceres"]["stages_us"]);
+  print_comparison(out);
   std::printf("  position error after %.0f s: oriel %.3f m, ceres %.3f m\n",
               1e-9 * static_cast<double>(data.stream.keyframes.back().time.ns), drift(data, oriel.newest_pose()),
               drift(data, ceres.newest_pose()));
-  if (a.json.empty()) return 0;
-  o["stages"] = stage_figures(oriel, a.slides + a.window.window - 1);
-  const nlohmann::json out = {
-      {"mode", a.window.stereo ? "stereo" : "mono"},
-      {"keyframes", a.window.window},
-      {"landmarks", size.landmarks},
-      {"residual_blocks", size.reprojections},
-      {"slides", a.slides},
-      {"iterations", a.window.iterations},
-      {"first_estimates", a.window.first_estimates},
-      {"oriel", o},
-      {"ceres", c},
-      {"ceres_setting", setting.name},
-      {"times_faster", {{"wall", median(wall_ratio)}, {"cpu", median(cpu_ratio)}}},
-      {"cost_difference",
-       {{"median", agreement.median_final}, {"worst", agreement.worst_final}, {"slides_apart", agreement.apart}}}};
-  std::ofstream(a.json) << out.dump(2) << '\n';
+  if (!a.json.empty()) std::ofstream(a.json) << out.dump(2) << '\n';
   return 0;
 }
 

@@ -65,6 +65,8 @@ int main() {
   const double error_before = error();
   NativeEngine engine(graph);
   const Summary summary = engine.solve({.max_iterations = 20});
-  std::cout << summary << "error of the last pose [m]: " << error_before << " -> " << error() << '\n';
+  std::cout << summary << "error of the last pose [m]: " << error_before << " -> " << error() << '\n'
+            << "its covariance:\n"
+            << engine.covariance(x) << '\n';
   return summary.converged() && error() < error_before ? 0 : 1;
 }

@@ -43,10 +43,12 @@ ceres::LossFunction* make_loss(const Loss& loss) {
 }  // namespace
 
 std::vector<CeresSetting> ceres_window_settings() {
-  return {{"dense_schur,eigen", ceres::DENSE_SCHUR, ceres::EIGEN, true},
-          {"dense_schur,lapack", ceres::DENSE_SCHUR, ceres::LAPACK, true},
-          {"dense_schur,eigen,unscaled", ceres::DENSE_SCHUR, ceres::EIGEN, false},
-          {"sparse_schur", ceres::SPARSE_SCHUR, ceres::EIGEN, true}};
+  const auto lm = ceres::LEVENBERG_MARQUARDT;
+  return {{"dense_schur,eigen", ceres::DENSE_SCHUR, ceres::EIGEN, true, lm},
+          {"dense_schur,lapack", ceres::DENSE_SCHUR, ceres::LAPACK, true, lm},
+          {"dense_schur,eigen,unscaled", ceres::DENSE_SCHUR, ceres::EIGEN, false, lm},
+          {"dense_schur,eigen,dogleg", ceres::DENSE_SCHUR, ceres::EIGEN, true, ceres::DOGLEG},
+          {"sparse_schur", ceres::SPARSE_SCHUR, ceres::EIGEN, true, lm}};
 }
 
 void WindowPrior::error(const Block& block, const double* x, double* e) {
@@ -199,6 +201,7 @@ void CeresWindow::run(ceres::Problem& problem, const std::shared_ptr<ceres::Para
   o.dense_linear_algebra_library_type = setting_.dense;
   o.sparse_linear_algebra_library_type = ceres::SUITE_SPARSE;
   o.jacobi_scaling = setting_.jacobi_scaling;
+  o.trust_region_strategy_type = setting_.strategy;
   o.linear_solver_ordering = order;
   o.num_threads = 1;
   o.max_num_iterations = options_.iterations;
@@ -213,10 +216,10 @@ void CeresWindow::run(ceres::Problem& problem, const std::shared_ptr<ceres::Para
   report.initial_cost = summary.initial_cost;
   report.final_cost = summary.final_cost;
   report.iterations = static_cast<int>(summary.iterations.size()) - 1;
-  stages_.preprocess += summary.preprocessor_time_in_seconds + summary.postprocessor_time_in_seconds;
-  stages_.residuals += summary.residual_evaluation_time_in_seconds;
-  stages_.jacobians += summary.jacobian_evaluation_time_in_seconds;
-  stages_.linear += summary.linear_solver_time_in_seconds;
+  report.stages.structure = summary.preprocessor_time_in_seconds + summary.postprocessor_time_in_seconds;
+  report.stages.evaluate = summary.residual_evaluation_time_in_seconds;
+  report.stages.linearize = summary.jacobian_evaluation_time_in_seconds;
+  report.stages.solve = summary.linear_solver_time_in_seconds;
 }
 
 }  // namespace oriel::benchmark

@@ -20,6 +20,7 @@ struct CeresSetting {
   ceres::LinearSolverType solver = ceres::DENSE_SCHUR;
   ceres::DenseLinearAlgebraLibraryType dense = ceres::EIGEN;
   bool jacobi_scaling = true;
+  ceres::TrustRegionStrategyType strategy = ceres::LEVENBERG_MARQUARDT;
 };
 std::vector<CeresSetting> ceres_window_settings();
 
@@ -48,11 +49,6 @@ class CeresWindow {
   SlideReport slide();
   const Pose3d& newest_pose() const { return state(next_ - 1).pose; }
   const std::string& error() const { return error_; }
-  // Of the Ceres solver, summed over all slides [s].
-  struct Stages {
-    double preprocess = 0.0, residuals = 0.0, jacobians = 0.0, linear = 0.0;
-  };
-  const Stages& stages() const { return stages_; }
 
  private:
   struct State {
@@ -93,7 +89,6 @@ class CeresWindow {
   std::deque<std::vector<View>> views_;  // by keyframe of the anchor, oldest first
   std::unique_ptr<WindowPrior> prior_;
   int next_ = 0;
-  Stages stages_;
   std::string error_;
 };
 

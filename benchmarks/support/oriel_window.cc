@@ -35,7 +35,6 @@ SlideReport OrielWindow::slide() {
   report.cpu = cpu_seconds() - cpu0;
   report.build = t1 - t0, report.solve = t2 - t1, report.fold = t3 - t2, report.wall = t3 - t0;
   count(report);
-  sum_stages();
   return report;
 }
 
@@ -115,13 +114,9 @@ void OrielWindow::count(SlideReport& report) const {
   report.initial_cost = summary_.initial_cost;
   report.final_cost = summary_.final_cost;
   report.iterations = summary_.iterations;
-}
-
-void OrielWindow::sum_stages() {
-  const StageTimes& s = summary_.seconds;
-  stages_.structure += s.structure, stages_.evaluate += s.evaluate, stages_.linearize += s.linearize;
-  stages_.eliminate += s.eliminate, stages_.factor += s.factor, stages_.solve += s.solve;
-  stages_.retract += s.retract, stages_.adopt += s.adopt, stages_.total += s.total;
+  report.stages = summary_.seconds;
+  report.landmarks = summary_.landmark_dim;
+  report.reprojections = static_cast<int>(summary_.factors);
 }
 
 }  // namespace oriel::benchmark

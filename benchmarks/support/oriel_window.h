@@ -15,8 +15,6 @@ class OrielWindow {
 
   // Adds the next keyframe, solves, and where the window is full lets the oldest one go.
   SlideReport slide();
-  // The same for the stages of the engine, summed over all slides so far [s].
-  const StageTimes& stages() const { return stages_; }
   const Summary& last_summary() const { return summary_; }
   // Newest pose, for a look at the drift.
   const Pose3d& newest_pose() const { return graph_.value(states_.back().pose); }
@@ -37,7 +35,6 @@ class OrielWindow {
   void apply(GraphEdit& edit);
   void fold_oldest();
   void count(SlideReport& report) const;
-  void sum_stages();
 
   const WindowData& data_;
   WindowOptions options_;
@@ -56,7 +53,6 @@ class OrielWindow {
   std::vector<Landmark> landmarks_;  // by track
   int next_ = 0;                     // keyframe
   Summary summary_;
-  StageTimes stages_;
   std::string error_;  // of the first edit that was refused
 };
 

@@ -6,6 +6,7 @@
 
 #include "oriel/residual/imu_residual.h"
 #include "oriel/residual/loss.h"
+#include "oriel/solve/summary.h"
 #include "oriel/testing/simulated_window.h"
 
 namespace oriel::benchmark {
@@ -56,6 +57,8 @@ struct SlideReport {
   // [s]; build: edits and their application, or the Problem; fold: marginalization and the slide itself.
   double build = 0.0, solve = 0.0, fold = 0.0;
   double wall = 0.0, cpu = 0.0;  // of the whole update
+  // Inside of `solve` [s]. Ceres has no more than structure (its preprocessing), evaluate, linearize and solve.
+  StageTimes stages;
 };
 
 }  // namespace oriel::benchmark

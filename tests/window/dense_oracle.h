@@ -1,6 +1,7 @@
 // The whole linear problem of a graph as dense matrices, by Eigen: what marginalization is compared with.
 #pragma once
 #include <Eigen/Dense>
+#include <algorithm>
 #include <vector>
 
 #include "oriel/graph/graph.h"

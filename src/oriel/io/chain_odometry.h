@@ -1,4 +1,5 @@
-// A start for the poses of a file: edges chained from the first pose, consecutive ones (i, i + 1) before all others.
+// A start for the poses of a file: edges chained from the poses that are held, or else the first one, consecutive ones
+// (i, i + 1) before all others.
 #pragma once
 #include <vector>
 
@@ -8,7 +9,8 @@
 
 namespace oriel {
 
-// Breadth first from the first pose of every piece of the graph; its value is the file's, or identity.
+// Poses that FIX holds keep the file's value (without VERTEX lines there is none to keep). Pieces of the graph that
+// they do not reach begin at their first pose, at the file's value or identity.
 std::vector<Pose2d> chain_odometry2(const PoseGraphFile& file);
 std::vector<Pose3d> chain_odometry3(const PoseGraphFile& file);
 

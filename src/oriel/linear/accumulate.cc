@@ -2,48 +2,17 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 
-#include "oriel/base/pack.h"
+#include "oriel/linear/accumulate_runs.h"
+#include "oriel/linear/lanes.h"
 #include "oriel/linear/linearize.h"
 
 namespace oriel {
 namespace {
 
-constexpr int kLanes = Pack::kLanes;
-constexpr int kStride = Batch::kRows;
+using lanes::kLanes, lanes::kStride, lanes::load, lanes::store, lanes::turn, lanes::V8;
+
 constexpr int kLargestDim = 9;
-
-using V8 = Pack::Native;
-using M8 = Pack::NativeMask;
-
-V8 load(const double* p) {
-  V8 v;
-  std::memcpy(&v, p, sizeof(v));
-  return v;
-}
-void store(double* p, V8 v) { std::memcpy(p, &v, sizeof(v)); }
-
-// Rows to columns of an 8 × 8 tile, in three rounds of exchanges.
-void turn(V8 (&x)[8]) {
-  constexpr M8 lo1 = {0, 8, 2, 10, 4, 12, 6, 14}, hi1 = {1, 9, 3, 11, 5, 13, 7, 15};
-  constexpr M8 lo2 = {0, 1, 8, 9, 4, 5, 12, 13}, hi2 = {2, 3, 10, 11, 6, 7, 14, 15};
-  constexpr M8 lo4 = {0, 1, 2, 3, 8, 9, 10, 11}, hi4 = {4, 5, 6, 7, 12, 13, 14, 15};
-  V8 a[8], b[8];
-  for (int i = 0; i < 8; i += 2) {
-    a[i] = __builtin_shuffle(x[i], x[i + 1], lo1);
-    a[i + 1] = __builtin_shuffle(x[i], x[i + 1], hi1);
-  }
-  for (int i = 0; i < 8; i += 4)
-    for (int k = 0; k < 2; ++k) {
-      b[i + k] = __builtin_shuffle(a[i + k], a[i + 2 + k], lo2);
-      b[i + 2 + k] = __builtin_shuffle(a[i + k], a[i + 2 + k], hi2);
-    }
-  for (int k = 0; k < 4; ++k) {
-    x[k] = __builtin_shuffle(b[k], b[4 + k], lo4);
-    x[4 + k] = __builtin_shuffle(b[k], b[4 + k], hi4);
-  }
-}
 
 // Where one lane's product goes; null: nowhere.
 struct Destination {
@@ -249,10 +218,73 @@ class Group {
   std::int64_t& fallbacks_;
 };
 
+// The same for rows in runs: what concerns their landmarks. Tables with a landmark
+// that is kept have no runs.
+class LandmarkGroup {
+ public:
+  LandmarkGroup(const LinearStructure& structure, const TablePlan& plan, std::size_t first, int lane, const Batch& batch,
+                LinearSystem& out)
+      : plan_(plan), row_(first + lane), lane_(lane), batch_(batch), out_(out) {
+    const int lanes = std::min(kLanes, batch.rows - lane);
+    for (int l = 0; l < lanes; ++l)
+      if ((batch.valid >> (lane + l) & 1) != 0 && plan.landmark[row_ + l] >= 0)
+        block_[l] = &structure.landmarks()[plan.landmark[row_ + l]];
+  }
+
+  void run() {
+    const std::size_t n = plan_.arguments.size();
+    std::size_t m = 0;
+    while (!plan_.arguments[m].landmark_type) ++m;
+    const int dim = plan_.arguments[m].dim;
+    const double* j = columns(m);
+    Destinations to;
+    for (int l = 0; l < kLanes; ++l)
+      if (block_[l] != nullptr) to[l] = {out_.gradient.data() + block_[l]->offset, dim, PairAddress::Kind::stored};
+    multiply_add(dim, 1, j, batch_.r + lane_, to);
+    for (int l = 0; l < kLanes; ++l)
+      if (block_[l] != nullptr) to[l].to = out_.landmarks.data() + block_[l]->v();
+    multiply_add(dim, dim, j, j, to);
+    for (std::size_t a = 0; a < n; ++a) {
+      if (a == m) continue;
+      for (int l = 0; l < kLanes; ++l) {
+        if (block_[l] == nullptr) continue;
+        const bool kept = plan_.targets[(row_ + l) * n + a].kind == Target::Kind::kept;
+        to[l] = {kept ? out_.landmarks.data() + block_[l]->w() + plan_.panel_row[(row_ + l) * n + a] : nullptr,
+                 block_[l]->rows, kept ? PairAddress::Kind::stored : PairAddress::Kind::none};
+      }
+      multiply_add(plan_.arguments[a].dim, dim, columns(a), j, to);
+    }
+  }
+
+ private:
+  const double* columns(std::size_t a) const {
+    return batch_.J + plan_.arguments[a].column * batch_.dim * kStride + lane_;
+  }
+  void multiply_add(int da, int db, const double* a, const double* b, const Destinations& to) const {
+    if (const Kernel kernel = find_kernel(da, db))
+      kernel(a, b, batch_.dim, to);
+    else
+      pair_fallback(da, db, a, b, batch_.dim, to);
+  }
+
+  const TablePlan& plan_;
+  std::size_t row_;
+  int lane_;
+  const Batch& batch_;
+  LinearSystem& out_;
+  std::array<const LandmarkBlock*, kLanes> block_{};
+};
+
 }  // namespace
 
 void accumulate(const LinearStructure& structure, const TablePlan& plan, std::size_t first, const Batch& batch,
                 LinearSystem& out, std::int64_t& kernel_fallbacks) {
+  if (!plan.runs.empty()) {  // what concerns kept variables alone is summed by runs
+    accumulate_runs(plan, first, batch, out);
+    for (int lane = 0; lane < batch.rows; lane += kLanes)
+      LandmarkGroup(structure, plan, first, lane, batch, out).run();
+    return;
+  }
   for (int lane = 0; lane < batch.rows; lane += kLanes)
     Group(structure, plan, first, lane, batch, out, kernel_fallbacks).run();
 }

@@ -252,7 +252,7 @@ void LandmarkSchur::subtract_pairs(const LinearStructure& structure, const Landm
       if (kernel != nullptr && db == da)  // a transposed block takes the product with its sides exchanged
         kernel(at->transposed ? zb : za, at->transposed ? za : zb, ld, s + at->offset, at->ld);
       else
-        subtract_any(za, zb, ld, da, db, l.dim, s, *at);
+        subtract_any(za, zb, ld, da, db, l.dim, s + at->offset, *at);
       other += db;
     }
     row += da;

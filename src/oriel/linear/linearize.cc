@@ -53,6 +53,7 @@ void Linearizer::run_batch(const Graph& graph, const TablePlan& plan, const Poin
   }
   RowPointers rows;
   rows.rows = static_cast<int>(n);
+  rows.active = plan.active[first / kRows];
   rows.measurement = measurement;
   rows.noise = noise;
   rows.loss = table.robust() ? loss : nullptr;
@@ -101,8 +102,7 @@ void Linearizer::evaluate(const Graph& graph, const LinearStructure& structure, 
       double sum = 0.0;
       for (std::size_t l = 0; l < kRows; ++l) sum += out.cost[(base + b) * kRows + l];
       out.total += sum;
-      out.invalid += static_cast<std::int64_t>(std::min(kRows, plan.rows.size() - b * kRows)) -
-                     std::popcount(out.valid[base + b]);
+      out.invalid += std::popcount(plan.active[b]) - std::popcount(out.valid[base + b]);
       out.not_finite += std::popcount(out.not_finite_mask[base + b]);
     }
     base += batches;

@@ -18,7 +18,10 @@ Result<void> LinearStructure::build(const Graph& graph, const FactorOptions& opt
   collect_rows(graph);
   number_kept(graph);
   plan_priors(graph);
-  for (std::size_t t = 0; t < plan_count_; ++t) plan_table(*plans_[t].table, plans_[t]);
+  for (std::size_t t = 0; t < plan_count_; ++t) {
+    plan_table(*plans_[t].table, plans_[t]);
+    group_rows(plans_[t]);
+  }
   find_neighbours();
   place_landmarks();
   if (auto ok = analyze(options); !ok) return ok;

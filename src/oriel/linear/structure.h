@@ -35,9 +35,16 @@ struct TablePlan {
     std::uint32_t pool = 0;
     bool landmark_type = false;
   };
+  // Rows [first, first + count) of one batch, multiples of eight, with the same kept variables; padded by repetitions.
+  struct Run {
+    std::uint32_t first = 0, count = 0;
+  };
   const FactorTable* table = nullptr;
   std::vector<Argument> arguments;  // those with columns
-  std::vector<std::uint32_t> rows;  // live rows in the order of serials; batches are cut by 64
+  // Live rows in the order of serials, or in runs; batches are cut by 64.
+  std::vector<std::uint32_t> rows;
+  std::vector<std::uint64_t> active;  // a batch each: the rows that count; the others are padding
+  std::vector<Run> runs;              // empty: no runs
   std::vector<std::uint32_t> dense;   // rows × arity: where the values stand
   std::vector<Target> targets;        // rows × arguments
   std::vector<PairAddress> pairs;     // rows × arguments (arguments + 1) / 2: kept with kept, (a, b ≤ a)
@@ -109,6 +116,10 @@ class LinearStructure {
   void demote_landmarks(const Graph& graph);
   void collect_rows(const Graph& graph);
   void plan_table(const FactorTable& table, TablePlan& plan);
+  void set_active(TablePlan& plan);
+  bool count_runs(const TablePlan& plan);
+  void group_rows(TablePlan& plan);
+  void add_runs(TablePlan& plan, std::uint32_t first, std::uint32_t count);
   void number_kept(const Graph& graph);
   void plan_priors(const Graph& graph);
   void find_neighbours();
@@ -134,6 +145,7 @@ class LinearStructure {
   Multifrontal factorization_;
 
   // Scratch of build.
+  std::vector<std::uint32_t> run_key_, run_begin_, grouped_rows_, grouped_dense_;
   BlockPattern pattern_;
   std::vector<int> dims_, order_;
   std::vector<std::pair<std::int32_t, std::int32_t>> sightings_, sorted_sightings_;

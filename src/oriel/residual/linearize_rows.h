@@ -20,6 +20,7 @@ namespace oriel {
 // Where up to 64 rows find what they need. Argument k of row l: at[k * Batch::kRows + l].
 struct RowPointers {
   int rows = 0;
+  std::uint64_t active = ~std::uint64_t{0};  // lanes that count; the others only fill up a group of eight
   const void* const* measurement = nullptr;
   const void* const* noise = nullptr;
   const Loss* const* loss = nullptr;  // null: no row has one
@@ -32,31 +33,45 @@ namespace detail {
 
 constexpr int kGroup = Pack::kLanes;
 
-// T<double> behind eight pointers → T<Pack>.
+// T<double> behind eight pointers → T<Pack>, whose members all are packs and stand in the same order.
 template <Rebindable T>
-auto gather(const void* const* rows) {
-  using Out = typename T::template rebind<Pack>;
+void gather(const void* const* rows, typename T::template rebind<Pack>& out) {
   constexpr int n = sizeof(T) / sizeof(double);
-  Pack s[n];
-  bool same = true;
-  for (int l = 1; l < kGroup; ++l) same = same && rows[l] == rows[0];
-  if (same) {  // a constant that all rows share
-    for (int i = 0; i < n; ++i) s[i] = Pack(static_cast<const double*>(rows[0])[i]);
-  } else {
+  static_assert(sizeof(out) == n * sizeof(Pack));
+  Pack* s = reinterpret_cast<Pack*>(&out);
 #if defined(__AVX512F__)
-    const __m512i base = _mm512_loadu_si512(rows);
-    for (int i = 0; i < n; ++i)
-      s[i] = Pack(reinterpret_cast<Pack::Native>(_mm512_i64gather_pd(base, reinterpret_cast<void*>(i * 8L), 1)));
+  const __m512i base = _mm512_loadu_si512(rows);
+  for (int i = 0; i < n; ++i)
+    s[i] = Pack(reinterpret_cast<Pack::Native>(_mm512_i64gather_pd(base, reinterpret_cast<void*>(i * 8L), 1)));
 #else
-    for (int i = 0; i < n; ++i)
-      for (int l = 0; l < kGroup; ++l) s[i].v[l] = static_cast<const double*>(rows[l])[i];
+  for (int i = 0; i < n; ++i)
+    for (int l = 0; l < kGroup; ++l) s[i].v[l] = static_cast<const double*>(rows[l])[i];
 #endif
-  }
-  Out out;
-  static_assert(sizeof(Out) == sizeof(s));
-  std::memcpy(static_cast<void*>(&out), s, sizeof(s));
-  return out;
 }
+// T<double> behind one pointer, in all lanes.
+template <Rebindable T>
+void spread(const void* row, typename T::template rebind<Pack>& out) {
+  Pack* s = reinterpret_cast<Pack*>(&out);
+  for (std::size_t i = 0; i < sizeof(T) / sizeof(double); ++i) s[i] = Pack(static_cast<const double*>(row)[i]);
+}
+
+// One argument of eight rows over packs. A constant that the rows before had, too, is not gathered again.
+template <class V>
+struct PackedArgument {
+  typename V::template rebind<Pack> value;
+  const void* spread_from = nullptr;
+
+  void take(const void* const* rows) {
+    if constexpr (V::kDim == 0) {
+      bool same = true;
+      for (int l = 1; l < kGroup; ++l) same = same && rows[l] == rows[0];
+      if (same && spread_from == rows[0]) return;
+      spread_from = same ? rows[0] : nullptr;
+      if (same) return spread<V>(rows[0], value);
+    }
+    gather<V>(rows, value);
+  }
+};
 
 template <class Noise, std::size_t N = sizeof(Noise) / sizeof(double)>
 std::array<Pack, N> gather_noise(const void* const* rows) {
@@ -116,6 +131,12 @@ struct JacobianTuple<S, D, Types<V...>> {
 
 inline Pack::Mask finite_mask(const Pack& p) { return (p - p) <= Pack(0.0); }
 
+inline Pack::Mask mask_of(unsigned bits) {
+  Pack::Mask m;
+  for (int l = 0; l < kGroup; ++l) m.v[l] = -static_cast<long long>(bits >> l & 1u);
+  return m;
+}
+
 // Bits of a mask, lane by lane.
 inline unsigned bits(Pack::Mask m) {
   unsigned b = 0;
@@ -129,28 +150,42 @@ struct PackedRows {
   static constexpr int D = T::kDim;
   using J = JacobianTuple<Pack, D, typename R::Variables>;
 
+  template <class Vars>
+  struct ArgumentsOf;
+  template <class... V>
+  struct ArgumentsOf<Types<V...>> {
+    using type = std::tuple<PackedArgument<V>...>;
+  };
+  typename ArgumentsOf<typename R::Variables>::type arguments;
+  typename R::template rebind<Pack> residual;
+  J j;
+
   template <std::size_t... I>
-  static Pack::Mask call(const RowPointers& rows, const void* const* at, int g, Vec<Pack, D>& r, J* jacobians,
-                         std::index_sequence<I...>) {
-    const auto residual = gather<R>(rows.measurement + g);
-    const auto values = std::make_tuple(gather<typename T::template Var<I>>(at + I * Batch::kRows + g)...);
-    J none;
-    J& j = jacobians != nullptr ? *jacobians : none;
-    return j.apply(
-        [&](auto*... block) { return residual.evaluate(std::get<I>(values)..., r, block...); }, jacobians != nullptr);
+  Pack::Mask call(const void* const* at, int g, Vec<Pack, D>& r, bool wanted, std::index_sequence<I...>) {
+    (std::get<I>(arguments).take(at + I * Batch::kRows + g), ...);
+    return j.apply([&](auto*... block) { return residual.evaluate(std::get<I>(arguments).value..., r, block...); },
+                   wanted);
+  }
+  // Whether some Jacobian of these eight rows is taken elsewhere than its residual.
+  static bool is_apart(const RowPointers& rows, int g) {
+    if (rows.jacobian_at == rows.at) return false;
+    for (int k = 0; k < T::kArity; ++k)
+      for (int l = 0; l < kGroup; ++l)
+        if (rows.at[k * Batch::kRows + g + l] != rows.jacobian_at[k * Batch::kRows + g + l]) return true;
+    return false;
   }
 
   // Rows g .. g + 7, whose pointers all are good (the last row is repeated past the end).
-  static void group(const RowPointers& rows, int g, Batch& out) {
+  void group(const RowPointers& rows, int g, Batch& out) {
     constexpr auto args = std::make_index_sequence<T::kArity>{};
     const auto noise = gather_noise<Noise>(rows.noise + g);
-    const bool wanted = out.J != nullptr, apart = wanted && rows.jacobian_at != rows.at;
+    const bool wanted = out.J != nullptr, apart = wanted && is_apart(rows, g);
+    gather<R>(rows.measurement + g, residual);
     Vec<Pack, D> r;
-    J j;
-    Pack::Mask valid = call(rows, rows.at, g, r, wanted && !apart ? &j : nullptr, args);
+    Pack::Mask valid = call(rows.at, g, r, wanted && !apart, args);
     if (apart) {
       Vec<Pack, D> unused;
-      valid = valid & call(rows, rows.jacobian_at, g, unused, &j, args);
+      valid = valid & call(rows.jacobian_at, g, unused, true, args);
     }
     Noise::whiten(noise, r);
     const Pack s = r.squared_norm();
@@ -164,6 +199,7 @@ struct PackedRows {
         for (int i = 0; i < m.kSize; ++i) sum += m.m[i] * m.m[i];
         finite = finite & finite_mask(sum);
       });
+    valid = valid & mask_of(static_cast<unsigned>(rows.active >> g) & 0xffu);
     const Pack::Mask good = valid & finite;
     out.valid |= std::uint64_t{bits(good)} << g;
     out.not_finite |= std::uint64_t{bits(valid & !finite)} << g;
@@ -187,6 +223,13 @@ struct PackedRows {
   }
 };
 
+inline void clear(int l, Batch& out) {
+  out.cost[l] = 0.0;
+  for (int i = 0; i < out.dim; ++i) out.r[i * Batch::kRows + l] = 0.0;
+  if (out.J == nullptr) return;
+  for (int i = 0; i < out.dim * out.cols; ++i) out.J[i * Batch::kRows + l] = 0.0;
+}
+
 template <class R, class Noise>
 struct ScalarRows {
   using T = ResidualTraits<R>;
@@ -199,6 +242,7 @@ struct ScalarRows {
                              *static_cast<const typename T::template Var<I>*>(at[I * Batch::kRows + l])...);
   }
   static void row(const RowPointers& rows, int l, Batch& out) {
+    if ((rows.active >> l & 1u) == 0) return clear(l, out);
     constexpr auto args = std::make_index_sequence<T::kArity>{};
     const auto noise = noise_entries<Noise>(rows.noise[l]);
     const bool wanted = out.J != nullptr, apart = wanted && rows.jacobian_at != rows.at;
@@ -229,30 +273,22 @@ struct ScalarRows {
 
 }  // namespace detail
 
-// Evaluates the rows of one table at a point into `out`, whose r (and J, unless null) have room for them. Lanes past
-// out.rows, up to the next multiple of eight, hold a copy of the last row, whose valid bit is clear.
+// Evaluates the rows of one table at a point into `out`, whose r (and J, unless null) have room for them. Inactive lanes
+// and those past out.rows, up to the next multiple of eight, are not valid and hold zeros.
 template <Residual R, class Noise>
 void linearize_rows(const RowPointers& rows, Batch& out) noexcept {
+  RowPointers in = rows;
+  if (rows.rows < Batch::kRows) in.active &= (std::uint64_t{1} << rows.rows) - 1;
   out.rows = rows.rows;
   out.dim = ResidualTraits<R>::kDim;
   out.cols = ResidualTraits<R>::kCols;
   out.valid = out.not_finite = 0;
+  const int end = (rows.rows + detail::kGroup - 1) / detail::kGroup * detail::kGroup;
   if constexpr (detail::PackedResidual<R>) {
-    for (int g = 0; g < rows.rows; g += detail::kGroup) detail::PackedRows<R, Noise>::group(rows, g, out);
+    detail::PackedRows<R, Noise> packed;
+    for (int g = 0; g < end; g += detail::kGroup) packed.group(in, g, out);
   } else {
-    for (int l = 0; l < rows.rows; ++l) detail::ScalarRows<R, Noise>::row(rows, l, out);
-    const int end = (rows.rows + detail::kGroup - 1) / detail::kGroup * detail::kGroup;
-    for (int l = rows.rows; l < end; ++l) {
-      out.cost[l] = 0.0;
-      for (int i = 0; i < out.dim; ++i) out.r[i * Batch::kRows + l] = 0.0;
-      if (out.J == nullptr) continue;
-      for (int i = 0; i < out.dim * out.cols; ++i) out.J[i * Batch::kRows + l] = 0.0;
-    }
-  }
-  if (rows.rows < Batch::kRows) {
-    const std::uint64_t in_use = (std::uint64_t{1} << rows.rows) - 1;
-    out.valid &= in_use;
-    out.not_finite &= in_use;
+    for (int l = 0; l < end; ++l) detail::ScalarRows<R, Noise>::row(in, l, out);
   }
 }
 

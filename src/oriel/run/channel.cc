@@ -17,7 +17,7 @@ Error refused(const char* what) { return {ErrorCode::io, std::string(what) + ": 
 
 Channel& Channel::operator=(Channel&& other) noexcept {
   if (this != &other) {
-    close();
+    abandon();
     socket_ = std::exchange(other.socket_, -1);
     in_ = std::move(other.in_);
     begin_ = std::exchange(other.begin_, 0);

@@ -12,7 +12,7 @@ class Channel {
   explicit Channel(int socket) : socket_(socket) {}  // owns it from now on
   Channel(Channel&& other) noexcept { *this = std::move(other); }
   Channel& operator=(Channel&& other) noexcept;
-  ~Channel() { close(); }
+  ~Channel() { abandon(); }
 
   // Two ends that are connected with each other.
   static Result<std::pair<Channel, Channel>> make_pair();

@@ -90,11 +90,10 @@ void serve_replica(Channel& channel, const TypeList& types) {
   ReplicaServer server(channel, types);
   for (;;) {
     auto message = channel.receive();
-    if (!message) return;  // the origin has gone
-    if (auto ok = server.handle(*message); !ok) {
-      server.complain(ok.error());
-      return;
-    }
+    const auto ok = message ? server.handle(*message) : Result<void>(message.error());
+    if (ok) continue;
+    server.complain(ok.error());  // goes nowhere where the origin has gone
+    return;
   }
 }
 
@@ -164,19 +163,29 @@ Result<void> Replica::flush() {
 
 Result<SolveOutcome> Replica::outcome() {
   auto message = channel_.receive();
-  if (!message) return message.error();
+  if (!message) return message.error().code == ErrorCode::not_found ? gone() : message.error();
   if (message->kind != kErrorMessage) return read_outcome(*message);
   Error told = read_error(*message);
   told.message = "replica: " + told.message;
   return told;
 }
 
-void Replica::stop() {
-  if (pid_ <= 0) return;
+Error Replica::gone() {
+  const int status = stop();
+  std::string how = "ended";
+  if (WIFSIGNALED(status)) how = "was ended by signal " + std::to_string(WTERMSIG(status));
+  if (WIFEXITED(status) && WEXITSTATUS(status) != 0) how = "ran out of memory or met a broken contract";
+  return {ErrorCode::not_found, "the process of the replica " + how};
+}
+
+int Replica::stop() {
+  if (pid_ <= 0) return 0;
   channel_.close();
-  while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
+  int status = 0;
+  while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
   }
   pid_ = -1;
+  return status;
 }
 
 }  // namespace oriel

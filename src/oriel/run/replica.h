@@ -15,7 +15,7 @@ class Replica {
   // known of types is in the list; it is copied.
   static Result<Replica> start(const TypeList& types);
 
-  Replica(Replica&&) = default;
+  Replica(Replica&& other) noexcept { *this = std::move(other); }
   Replica& operator=(Replica&& other) noexcept;
   ~Replica() { stop(); }
 
@@ -35,12 +35,13 @@ class Replica {
   Result<SolveOutcome> outcome();
 
   pid_t pid() const { return pid_; }
-  // Ends the process, after the message that it is at.
-  void stop();
+  // Ends the process, after the message that it is at; its wait status.
+  int stop();
 
  private:
   Replica(pid_t pid, Channel channel) : pid_(pid), channel_(std::move(channel)) {}
   Result<void> flush();
+  Error gone();
 
   pid_t pid_ = -1;
   Channel channel_;

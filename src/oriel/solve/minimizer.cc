@@ -58,7 +58,9 @@ bool Minimizer::start() {
   lambda_ = options_.method == Method::gauss_newton ? 0.0
             : options_.initial_lambda > 0.0         ? options_.initial_lambda
                                                     : automatic;
+  e_.solution_.version = e_.graph_->version();  // what the user sets from now on (in a callback) is newer (C5)
   e_.point_.take(*e_.graph_);
+  if (options_.trace) summary_.trace.reserve(static_cast<std::size_t>(std::clamp(options_.max_iterations, 0, 1000)) + 1);
   evaluate(e_.point_, nullptr, e_.active_);
   cost_ = summary_.initial_cost = e_.active_.total;
   report(true);
@@ -74,7 +76,8 @@ bool Minimizer::iterate() {
     return true;
   }
   ++summary_.iterations;
-  if (!solve_linear()) {
+  solved_ = solve_linear();
+  if (!solved_) {
     reject();
     return false;
   }
@@ -112,8 +115,11 @@ bool Minimizer::solve_linear() {
   e_.damping_.resize(s.dim());
   e_.rhs_.resize(s.kept_dim());
   e_.step_.resize(s.dim());
-  for (int i = 0; i < s.dim(); ++i)
+  bool empty = false;  // a scalar that no factor touches: damping alone would hide it
+  for (int i = 0; i < s.dim(); ++i) {
     e_.damping_[i] = lambda_ * std::clamp(e_.system_.diagonal[i], kLeastDiagonal, kLargestDiagonal);
+    empty = empty || e_.system_.diagonal[i] <= 0.0;
+  }
   const double* h = e_.system_.h.data();
   {
     Stage stage(*this, summary_.seconds.eliminate);
@@ -129,8 +135,8 @@ bool Minimizer::solve_linear() {
     Stage stage(*this, summary_.seconds.factor);
     const FactorReport& report = factorization.factor(h, e_.damping_.data(), pool_);
     if (report.status == FactorReport::Status::not_finite) return false;
-    suspicious_ = report.status == FactorReport::Status::undetermined || report.smallest_ratio < 1e-10 + 10 * lambda_ ||
-                  !e_.schur_.undetermined().empty();
+    suspicious_ = empty || report.status == FactorReport::Status::undetermined ||
+                  report.smallest_ratio < 1e-10 + 10 * lambda_ || !e_.schur_.undetermined().empty();
   }
   Stage stage(*this, summary_.seconds.solve);
   factorization.solve(e_.rhs_.data(), e_.step_.data());
@@ -177,10 +183,11 @@ bool Minimizer::accept(double trial_cost, double gain) {
   return true;
 }
 
-// A step that changes nothing that could be measured ends the solve as well.
+// A step that changes nothing that could be measured ends the solve as well; but not one that is so short because
+// others from here were rejected. False for a cost that is not a number.
 bool Minimizer::converged_by_cost(double decrease) {
-  if (decrease > options_.function_tolerance * cost_ || summary_.predicted_gain > options_.function_tolerance * cost_)
-    return false;
+  const double bound = options_.function_tolerance * cost_;
+  if (!(decrease <= bound) || !(summary_.predicted_gain <= bound) || nu_ > 2.0) return false;
   stop(Reason::function_tolerance, decrease, options_.function_tolerance * cost_);
   return true;
 }
@@ -188,13 +195,14 @@ bool Minimizer::converged_by_cost(double decrease) {
 void Minimizer::reject() {
   ++summary_.rejected;
   if (options_.method == Method::gauss_newton) {
-    stop(Reason::diverged, e_.trial_active_.total, cost_);
+    stop(solved_ ? Reason::diverged : Reason::not_finite, e_.trial_active_.total, cost_);
     return;
   }
   lambda_ = std::max(lambda_, 1e-10) * nu_;
   nu_ *= 2.0;
   report(false);
-  if (lambda_ > kLargestLambda) stop(Reason::no_descending_step, lambda_, kLargestLambda);
+  if (lambda_ > kLargestLambda)
+    stop(solved_ ? Reason::no_descending_step : Reason::not_finite, lambda_, kLargestLambda);
 }
 
 bool Minimizer::step_is_tiny() {
@@ -234,6 +242,8 @@ void Minimizer::finish() {
   summary_.invalid_factors = e_.active_.invalid;
   summary_.not_finite_factors = e_.active_.not_finite;
   summary_.kernel_fallbacks = e_.linearizer_.kernel_fallbacks();
+  // A start without gradient was never factored; what is undetermined there must be told all the same.
+  if (summary_.reason == Reason::gradient_tolerance && summary_.iterations == 0) solve_linear();
   if (suspicious_) find_undetermined();
   {
     Stage stage(*this, summary_.seconds.adopt);

@@ -49,6 +49,7 @@ class Minimizer {
   std::chrono::steady_clock::time_point began_;
   double cost_ = 0.0, lambda_ = 0.0, nu_ = 2.0;
   bool stopped_ = false, suspicious_ = false;
+  bool solved_ = false;  // the last linear system had a solution
 };
 
 }  // namespace oriel

@@ -56,7 +56,6 @@ TaskPool* NativeEngine::pool(int threads) {
 
 void NativeEngine::adopt_point() {
   const auto& pools = graph_->pools();
-  solution_.version = graph_->version();
   solution_.columns.resize(pools.size());
   for (std::size_t p = 0; p < pools.size(); ++p) {
     Solution::Column& c = solution_.columns[p];

@@ -13,7 +13,20 @@ namespace {
 constexpr int kMostDirections = 12;
 constexpr std::size_t kMostScalars = 4;  // named for one direction
 
-// y = H x for H in the layout of the factorization; both in elimination order.
+// y += column of H · x, both in elimination order. The column is that of the front's row j; of its rows those from the
+// diagonal down are read, and `scalar` says where each row of the front stands.
+void multiply_column(std::span<const Run> runs, const double* column, int j, const std::vector<int>& scalar,
+                     const std::vector<double>& x, std::vector<double>& y) {
+  for (const Run& run : runs)
+    for (int i = 0; i < run.length; ++i) {
+      const int row = run.other + i;
+      const double v = column[run.row + i];
+      if (row >= j) y[scalar[row]] += v * x[scalar[j]];
+      if (row > j) y[scalar[j]] += v * x[scalar[row]];
+    }
+}
+
+// y = H x for H in the layout of the factorization's input; both in elimination order.
 void multiply(const Symbolic& symbolic, const double* h, const std::vector<double>& x, std::vector<double>& y) {
   std::fill(y.begin(), y.end(), 0.0);
   std::vector<int> scalar;
@@ -22,18 +35,17 @@ void multiply(const Symbolic& symbolic, const double* h, const std::vector<doubl
     for (int i = 0; i < f.p; ++i) scalar[i] = f.first_scalar + i;
     for (const Run& r : symbolic.spans(f))
       for (int i = 0; i < r.length; ++i) scalar[r.row + i] = r.other + i;
-    for (int j = 0; j < f.p; ++j) {
-      const double* column = h + f.offset + std::int64_t{j} * f.ld;
-      y[scalar[j]] += column[j] * x[scalar[j]];
-      for (int i = j + 1; i < f.n; ++i) {
-        y[scalar[i]] += column[i] * x[scalar[j]];
-        y[scalar[j]] += column[i] * x[scalar[i]];
-      }
+    for (int k = f.first_position, j = 0; k < f.first_position + f.pivot_blocks; ++k) {
+      const int block = symbolic.order()[k];
+      const Symbolic::MatrixColumn& column = symbolic.matrix_column(block);
+      for (int c = 0; c < symbolic.dim(block); ++c, ++j)
+        multiply_column(symbolic.runs(column), h + column.offset + std::int64_t{c} * column.ld, j, scalar, x, y);
     }
   }
 }
 
-UndeterminedDirection name_direction(const Graph& graph, const LinearStructure& structure, const std::vector<double>& n) {
+UndeterminedDirection name_direction(const Graph& graph, const LinearStructure& structure,
+                                     const std::vector<double>& n) {
   UndeterminedDirection direction;
   double most = 0.0;
   for (const double v : n) most = std::max(most, std::fabs(v));
@@ -76,7 +88,8 @@ void Minimizer::find_undetermined() {
   }
   const FactorReport report = factorization.factor(h, e_.damping_.data(), nullptr);
   std::vector<double> unit(s.kept_dim()), product(s.kept_dim()), n(s.dim());
-  const int count = std::min({report.undetermined_count, static_cast<int>(report.undetermined.size()), kMostDirections});
+  const int count =
+      std::min({report.undetermined_count, static_cast<int>(report.undetermined.size()), kMostDirections});
   for (int k = 0; k < count; ++k) {
     const auto at = report.undetermined[k];
     std::fill(unit.begin(), unit.end(), 0.0);

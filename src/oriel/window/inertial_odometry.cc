@@ -24,11 +24,10 @@ UpdateReport InertialOdometry::track(const StereoFrame& frame) {
   UpdateReport report;
   report.time = frame.time;
   report.status = UpdateReport::Status::failed;
-  report.reason = "no IMU samples reach this frame";
-  if (!add_frame(frame, nullptr)) {
-    drop(DropReason::no_motion);
-    return report;
-  }
+  report.reason = "the frame is not later than the one before";
+  if (frame.time <= timeline_.latest()->time) return report;
+  if (!add_frame(frame, nullptr)) return miss(frame, report);
+  missed_ = 0;
   if (!solve_and_gate(options_.max_iterations, report)) return report;
   InertialState& newest = *timeline_.change(frame.time);
   newest.keyframe = report.keyframe = is_keyframe(newest);
@@ -36,6 +35,16 @@ UpdateReport InertialOdometry::track(const StereoFrame& frame) {
   causal_.add(frame.time, report.values.T_world_body);
   if (newest.keyframe) slide();
   return report;
+}
+
+// The IMU's samples do not reach from the last keyframe to this frame. They may be late; a gap does not go away, and
+// after some frames the window starts anew.
+UpdateReport InertialOdometry::miss(const StereoFrame& frame, UpdateReport report) {
+  drop(DropReason::no_motion);
+  report.reason = "no IMU samples reach this frame";
+  if (++missed_ < options_.most_missed_frames) return report;
+  restart();
+  return initialise(frame);
 }
 
 InertialValues InertialOdometry::values(const InertialState& state) const {
@@ -106,9 +115,9 @@ void InertialOdometry::refine_prediction(InertialValues& predicted) {
     const Sighting& s = t.sightings.back();
     if (p) known_.push_back({*p, s.pixel0, s.pixel1, s.has_right});
   }
-  if (known_.size() < 12 || median_error(known_, rig_, predicted.T_world_body, angles_) < options_.visual.refine_above)
+  if (known_.size() < 12 || median_error(known_, rig_, predicted.T_world_body, scratch_) < options_.visual.refine_above)
     return;
-  refine_pose(known_, rig_, {}, predicted.T_world_body);
+  refine_pose(known_, rig_, {}, predicted.T_world_body, scratch_);
 }
 
 // The newest state was no keyframe: it leaves with what it saw, and the IMU links across it.
@@ -191,20 +200,20 @@ bool InertialOdometry::is_keyframe(const InertialState& state) const {
   if (last == nullptr || state.time - last->time >= options_.keyframes.interval) return true;
   const Pose3d a = window_.graph().value(last->pose), b = window_.graph().value(state.pose);
   const auto& mount = rig_.cameras[0];
-  angles_.clear();
+  scratch_.clear();
   for (const std::uint32_t place : seen_) {
     const Track& t = map_.track(place);
     const Sighting* s = t.live ? sighting_at(t, last->time) : nullptr;
     if (s == nullptr || t.sightings.back().time != state.time) continue;
     const Vec2d &u = s->bearing, &v = t.sightings.back().bearing;
-    angles_.push_back(angle_between(a.R * (mount.R_body_camera * Vec3d{{u[0], u[1], 1.0}}),
-                                    b.R * (mount.R_body_camera * Vec3d{{v[0], v[1], 1.0}})));
+    scratch_.push_back(angle_between(a.R * (mount.R_body_camera * Vec3d{{u[0], u[1], 1.0}}),
+                                     b.R * (mount.R_body_camera * Vec3d{{v[0], v[1], 1.0}})));
   }
-  if (static_cast<double>(angles_.size()) < options_.keyframes.least_shared * static_cast<double>(seen_.size()))
+  if (static_cast<double>(scratch_.size()) < options_.keyframes.least_shared * static_cast<double>(seen_.size()))
     return true;
-  const auto middle = angles_.begin() + static_cast<std::ptrdiff_t>(angles_.size() / 2);
-  std::nth_element(angles_.begin(), middle, angles_.end());
-  return middle != angles_.end() && *middle >= options_.keyframes.parallax;
+  const auto middle = scratch_.begin() + static_cast<std::ptrdiff_t>(scratch_.size() / 2);
+  std::nth_element(scratch_.begin(), middle, scratch_.end());
+  return middle != scratch_.end() && *middle >= options_.keyframes.parallax;
 }
 
 void InertialOdometry::slide() {

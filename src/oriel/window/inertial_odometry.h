@@ -6,6 +6,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -70,6 +71,7 @@ class InertialOdometry {
 
   const Trajectory& causal() const { return causal_; }  // each state at the moment of its own update
   Trajectory final() const;                             // each state as it was when it left the window, or is now
+  int left() const { return static_cast<int>(left_.poses().size()); }  // states that were marginalized so far
   const std::array<std::int64_t, kDropReasonNames.size()>& dropped() const { return dropped_; }
   SlidingWindow& window() { return window_; }
   const Timeline<InertialState>& timeline() const { return timeline_; }
@@ -82,6 +84,7 @@ class InertialOdometry {
                         Initialisation::Kind kind);
   void restart();
   UpdateReport track(const StereoFrame& frame);
+  UpdateReport miss(const StereoFrame& frame, UpdateReport report);
   bool add_frame(const StereoFrame& frame, const InertialValues* given);
   bool link(GraphEdit& edit, const InertialState& from, const InertialState& to, const ImuBiasd& bias);
   InertialValues predict(const InertialState& from, const PreintegratedImud& motion) const;
@@ -107,14 +110,15 @@ class InertialOdometry {
   LandmarkBuilder builder_;
   Initialiser initialiser_;
   bool initialised_ = false;
-  Pose3d T_world_origin_;  // where a restart puts its first pose
+  int missed_ = 0;                      // frames one after the other that no IMU samples reach
+  std::optional<Pose3d> T_world_last_;  // of the window before a restart: the next one begins there
   Trajectory causal_, left_;
   std::array<std::int64_t, kDropReasonNames.size()> dropped_{};
 
   std::vector<std::uint32_t> seen_;  // places of the newest frame's tracks
   std::vector<PointSighting> known_;
   std::vector<VariableKey> leaving_;
-  mutable std::vector<double> angles_;
+  mutable std::vector<double> scratch_;
 };
 
 }  // namespace oriel

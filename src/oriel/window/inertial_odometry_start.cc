@@ -1,4 +1,6 @@
 // The start of InertialOdometry: from buffered frames to the first window.
+#include <cmath>
+
 #include "oriel/residual/prior.h"
 #include "oriel/window/inertial_odometry.h"
 
@@ -13,7 +15,7 @@ ImuNoise scaled(ImuNoise n, const InertialOptions& o) {
   return n;
 }
 
-constexpr std::size_t kTracks = 4096;
+constexpr std::size_t kTracks = 4096, kPoses = 8192;  // room for, before memory is asked for again
 
 // Position and yaw are put tightly: that is where and how the world is. Roll and pitch are for gravity to say. The
 // tangent is in the body: its rotation R_world_body δ has the sigmas (tilt, tilt, yaw) in world.
@@ -28,10 +30,11 @@ FullNoise<6> first_pose_noise(const Pose3d& T_world_body, const InitialisationOp
   return Information(information);
 }
 
-// Position, and the turn about z alone.
-Pose3d level_part(const Pose3d& T) {
-  const Vec3d x = T.R * Vec3d{{1.0, 0.0, 0.0}};
-  return {Rot3d::exp({{0.0, 0.0, std::atan2(x[1], x[0])}}), T.t};
+// What puts `from` where `to` is by a shift and a turn about z: the turn that brings its axes nearest to those of `to`.
+Pose3d level_motion(const Pose3d& from, const Pose3d& to) {
+  const Mat3d R = (to.R * from.R.inverse()).matrix();
+  const Rot3d turn = Rot3d::exp({{0.0, 0.0, std::atan2(R(1, 0) - R(0, 1), R(0, 0) + R(1, 1))}});
+  return {turn, to.t - turn * from.t};
 }
 
 }  // namespace
@@ -47,6 +50,8 @@ InertialOdometry::InertialOdometry(const StereoRigd& rig, bool stereo, const Imu
   const std::size_t states = static_cast<std::size_t>(options.keyframes.max_keyframes) + 2;
   timeline_.reserve(states);
   map_.reserve(kTracks, states);
+  causal_.reserve(kPoses);
+  left_.reserve(kPoses);
 }
 
 UpdateReport InertialOdometry::initialise(const StereoFrame& frame) {
@@ -71,8 +76,11 @@ UpdateReport InertialOdometry::initialise(const StereoFrame& frame) {
 }
 
 void InertialOdometry::restart() {
-  if (const InertialState* s = timeline_.latest()) T_world_origin_ = level_part(window_.graph().value(s->pose));
+  if (const InertialState* s = timeline_.latest()) T_world_last_ = window_.graph().value(s->pose);
   initialised_ = false;
+  missed_ = 0;
+  for (const InertialState& s : timeline_) left_.add(s.time, window_.graph().value(s.pose));
+  initialiser_.clear();
   timeline_.clear();
   map_.clear();
   (void)window_.clear();
@@ -80,9 +88,10 @@ void InertialOdometry::restart() {
 
 bool InertialOdometry::begin(const Initialisation& start, UpdateReport& report) {
   const FirstState& first = start.states.front();
+  const Pose3d T_world_origin = T_world_last_ ? level_motion(first.T_world_body, *T_world_last_) : Pose3d{};
   GraphEdit& edit = window_.edit();
   builder_.set_rig(edit.add(rig_));
-  InertialValues v{T_world_origin_ * first.T_world_body, {T_world_origin_.R * first.v_world}, start.bias};
+  InertialValues v{T_world_origin * first.T_world_body, {T_world_origin.R * first.v_world}, start.bias};
   const InertialState state{first.time, edit.add(v.T_world_body), edit.add(v.velocity), edit.add(v.bias), true};
   timeline_.insert(state);
   add_first_priors(edit, state, v, start.kind);
@@ -92,7 +101,7 @@ bool InertialOdometry::begin(const Initialisation& start, UpdateReport& report) 
 
   for (std::size_t k = 1; k < start.states.size(); ++k) {
     const FirstState& s = start.states[k];
-    v = {T_world_origin_ * s.T_world_body, {T_world_origin_.R * s.v_world}, start.bias};
+    v = {T_world_origin * s.T_world_body, {T_world_origin.R * s.v_world}, start.bias};
     if (!add_frame(initialiser_.frame(s.frame), &v)) return false;
     timeline_.change(s.time)->keyframe = true;
   }

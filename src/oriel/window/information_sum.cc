@@ -22,6 +22,7 @@ V8 load(const double* p) {
   std::memcpy(&v, p, sizeof(v));
   return v;
 }
+void store(double* p, V8 v) { std::memcpy(p, &v, sizeof(v)); }
 double sum(V8 v) {
   const V8 a = v + __builtin_shuffle(v, Pack::NativeMask{4, 5, 6, 7, 0, 1, 2, 3});
   const V8 b = a + __builtin_shuffle(a, Pack::NativeMask{2, 3, 0, 1, 6, 7, 4, 5});
@@ -266,32 +267,121 @@ void InformationSum::add(const AbsorbedPrior& p) {
   }
 }
 
+// H scaled to a unit diagonal as it was before anything was taken away, so that rounding is as large in every row.
+void InformationSum::scale() {
+  scale_.reserve(ld_);
+  active_.reserve(ld_);
+  std::fill_n(scale_.data(), ld_, 0.0);
+  std::fill_n(active_.data(), ld_, 0.0);
+  diagonal_.resize(n_);
+  for (int j = 0; j < n_; ++j) {
+    const double whole = *at(j, j) + taken_[j];
+    scale_.data()[j] = whole > DBL_MIN ? 1.0 / std::sqrt(whole) : 0.0;
+    active_.data()[j] = 1.0;
+  }
+  for (int j = 0; j < n_; ++j) {
+    double* const column = at(0, j);
+    const double s = scale_.data()[j];
+    g_.data()[j] *= s;
+    for (int i = j / kLanes * kLanes; i < ld_; i += kLanes)
+      store(column + i, load(column + i) * load(scale_.data() + i) * s);
+    diagonal_[j] = column[j];
+  }
+}
+
+// The next row of the factor, for pivot p: column p of what is left. What the steps since `block` take away from it is
+// made up for here; what those before took is in H.
+void InformationSum::step(int p, int block) {
+  double* const l = factor_.data() + static_cast<std::int64_t>(steps_) * ld_;
+  for (int i = 0; i < p; ++i) l[i] = *at(p, i);  // the lower triangle is all there is
+  std::copy(at(p, p), at(0, p) + ld_, l + p);
+  const double root = std::sqrt(diagonal_[p]), inverse = 1.0 / root;
+  const double y = g_.data()[p] * inverse;
+  for (int i = 0; i < ld_; i += kLanes) {
+    V8 x = load(l + i);
+    for (int k = block; k < steps_; ++k) {
+      const double* const row = factor_.data() + static_cast<std::int64_t>(k) * ld_;
+      x -= load(row + i) * row[p];
+    }
+    x *= load(active_.data() + i) * inverse;
+    store(l + i, x);
+    store(g_.data() + i, load(g_.data() + i) - x * y);
+  }
+  l[p] = root;
+  active_.data()[p] = diagonal_[p] = 0.0;
+  for (int i = 0; i < n_; ++i) diagonal_[i] -= l[i] * l[i];
+  right_.push_back(y);
+  ++steps_;
+}
+
+// Steps of Cholesky with the largest of the pivots [begin, end) next, until all that is left there is rounding error:
+// without the choice, errors would grow where H is singular (N. Higham, "Analysis of the Cholesky decomposition of a
+// semi-definite matrix", 1990, section 4). Rows and columns stay in place; H is brought up to date every few steps.
+void InformationSum::eliminate(int begin, int end) {
+  constexpr int kBlock = 16;
+  for (int block = steps_, taken = 0; taken <= end - begin; ++taken) {
+    const auto largest = std::max_element(diagonal_.begin() + begin, diagonal_.begin() + end);
+    const bool done = begin == end || !(*largest > kRelativePivot);
+    if (done || steps_ - block == kBlock) {
+      dense::syrk_lower_minus(h_.data(), ld_, n_, factor_.data() + static_cast<std::int64_t>(block) * ld_, ld_,
+                              steps_ - block);
+      block = steps_;
+    }
+    if (done) return;
+    step(static_cast<int>(largest - diagonal_.begin()), block);
+  }
+}
+
+// Cholesky without choice of pivots, in blocks and so several times faster: as good where every pivot is well above
+// rounding error. False, and H as it was, if one is not.
+bool InformationSum::factor_at_once() {
+  std::copy_n(h_.data(), static_cast<std::int64_t>(ld_) * n_, factor_.data());
+  threshold_.assign(n_, kSafePivot);
+  inverse_.resize(n_);
+  dense::factor_panel(factor_.data(), ld_, n_, n_, threshold_.data(), inverse_.data());
+  if (std::find(inverse_.begin(), inverse_.end(), 0.0) != inverse_.end()) return false;
+  dense::solve_panel_lower(factor_.data(), ld_, n_, n_, inverse_.data(), g_.data());
+  right_.assign(g_.data(), g_.data() + n_);
+  std::fill_n(active_.data(), n_, 0.0);
+  for (int j = 1; j < n_; ++j) std::fill_n(factor_.data() + static_cast<std::int64_t>(j) * ld_, j, 0.0);
+  steps_ = n_;
+  return true;
+}
+
 void InformationSum::finish(SquareRootRows& out) {
   const int leaving = component_->leaving_dim;
-  threshold_.resize(n_);
-  inverse_.resize(n_);
-  for (int j = 0; j < n_; ++j) threshold_[j] = std::max(kRelativePivot * (*at(j, j) + taken_[j]), DBL_MIN);
-  dense::factor_panel(h_.data(), ld_, n_, n_, threshold_.data(), inverse_.data());
-  dense::solve_panel_lower(h_.data(), ld_, n_, n_, inverse_.data(), g_.data());
+  factor_.reserve(static_cast<std::int64_t>(ld_) * n_);
+  right_.clear();
+  steps_ = 0;
+  scale();
+  int first = leaving;
+  if (!factor_at_once()) {
+    eliminate(0, leaving);
+    first = steps_;
+    eliminate(leaving, n_);
+  }
   out.undetermined = undetermined_;
   for (std::uint32_t o = component_->variables_begin; o < component_->variables_end; ++o) {
     const MarginalVariable& v = scope_->variables()[scope_->ordered()[o]];
     if (v.eliminated || v.column >= leaving) continue;
     for (int i = 0; i < v.dim; ++i)
-      if (inverse_[v.column + i] == 0.0) out.undetermined.push_back({scope_->ordered()[o], i});
+      if (active_.data()[v.column + i] != 0.0) out.undetermined.push_back({scope_->ordered()[o], i});
   }
+  write_rows(first, out);
+}
+
+void InformationSum::write_rows(int first, SquareRootRows& out) {
+  const int leaving = component_->leaving_dim;
   out.cols = n_ - leaving;
-  out.rows = 0;
-  for (int j = leaving; j < n_; ++j) out.rows += inverse_[j] != 0.0;
-  out.R.assign(static_cast<std::size_t>(out.rows) * out.cols, 0.0);
-  out.d.resize(out.rows);
-  int row = 0;
-  for (int j = leaving; j < n_; ++j) {
-    if (inverse_[j] == 0.0) continue;
-    const double* const l = at(0, j);
-    for (int c = j; c < n_; ++c) out.R[static_cast<std::size_t>(c - leaving) * out.rows + row] = l[c];
-    out.d[row++] = g_.data()[j];
+  out.rows = steps_ - first;
+  out.R.resize(static_cast<std::size_t>(out.rows) * out.cols);
+  for (int c = 0; c < out.cols; ++c) {
+    const double scale = scale_.data()[leaving + c], unscale = scale > 0.0 ? 1.0 / scale : 0.0;
+    const double* const from = factor_.data() + static_cast<std::int64_t>(first) * ld_ + leaving + c;
+    double* const to = out.R.data() + static_cast<std::size_t>(c) * out.rows;
+    for (int k = 0; k < out.rows; ++k) to[k] = from[static_cast<std::int64_t>(k) * ld_] * unscale;
   }
+  out.d.assign(right_.begin() + first, right_.end());
 }
 
 }  // namespace oriel

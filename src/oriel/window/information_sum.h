@@ -1,7 +1,7 @@
 // The sum of absorbed factors as an information matrix, H = Σ JᵀJ and g = Σ Jᵀr of one component, from which landmarks
-// are taken away chunk by chunk (Schur complement) and the leaving variables by the first columns of one Cholesky
-// factorization. What is left of its factor is the prior's R: with H = [A Bᵀ; B C] = L Lᵀ, the lower right part of L is
-// the factor of C - B A⁻¹ Bᵀ.
+// are taken away chunk by chunk (Schur complement), then the leaving variables by the first steps of one Cholesky
+// factorization; its other steps are the rows of the prior's R. Where H is near to singular, pivots are chosen by size:
+// R is then triangular up to the order of its columns, and the last pivot bounds what was left out.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -14,7 +14,10 @@ namespace oriel {
 class InformationSum {
  public:
   // A pivot at or below this share of what was summed on the diagonal is rounding error: nothing determines it.
-  static constexpr double kRelativePivot = 1e-13;
+  static constexpr double kRelativePivot = 2e-14;
+
+  // Above this share pivots need not be chosen by size.
+  static constexpr double kSafePivot = 1e-8;
 
   void begin(const MarginalScope& scope, const MarginalComponent& component);
   void add(const AbsorbedBatch& batch);
@@ -29,14 +32,20 @@ class InformationSum {
   void lay_out(const AbsorbedBatch& batch, int lane);
   void add_products(const Batch& batch, int begin, int end);
   void add_gradient(const Batch& batch, int begin, int end);
+  void scale();
+  bool factor_at_once();
+  void step(int p, int block);
+  void eliminate(int begin, int end);
+  void write_rows(int first, SquareRootRows& out);
   void add_landmarks(const AbsorbedBatch& batch, int begin, int end);
   double* at(int row, int column) { return h_.data() + static_cast<std::int64_t>(column) * ld_ + row; }
 
   const MarginalScope* scope_ = nullptr;
   const MarginalComponent* component_ = nullptr;
   int n_ = 0, ld_ = 0, panel_ld_ = 0;
-  AlignedBuffer h_, panel_, prior_, product_, g_;
-  std::vector<double> landmark_v_, landmark_g_, taken_, threshold_, inverse_;
+  AlignedBuffer h_, panel_, prior_, product_, g_, factor_, scale_, active_;
+  int steps_ = 0;  // rows of the factor so far
+  std::vector<double> landmark_v_, landmark_g_, taken_, right_, diagonal_, threshold_, inverse_;
   std::vector<UndeterminedColumn> undetermined_;
 
   // Of the run at hand: columns of J and where they go; the landmark's columns.

@@ -187,28 +187,37 @@ Initialisation Initialiser::start_still(const Standstill& still) const {
   return out;
 }
 
+// Stereo poses of the frames; one that finds too few points is passed over, and the gyroscope turns across it.
+std::vector<Initialiser::Placed> Initialiser::place_frames(const ImuBuffer& imu) const {
+  std::vector<Placed> placed;
+  StereoOdometry odometry(rig_, options_.initialisation.least_inliers);
+  for (std::size_t k = 0; k < frames_.size(); ++k) {
+    Rot3d turn;
+    if (!placed.empty()) {
+      const auto p = preintegrate(imu.samples(), placed.back().pose.time, frames_[k].time, ImuBiasd{}, noise_);
+      if (!p) return {};
+      turn = p->motion.dR;
+    }
+    if (odometry.add(frame(k), turn) >= options_.initialisation.least_inliers)
+      placed.push_back({k, odometry.poses().back()});
+  }
+  return placed;
+}
+
 Initialisation Initialiser::start_moving(const ImuBuffer& imu) {
   Initialisation out;
-  StereoOdometry odometry(rig_);
-  ImuBiasd bias;
-  const Duration span = frames_.back().time - frames_.front().time;
+  const std::vector<Placed> placed = place_frames(imu);
+  out.reason = "too few points agree with stereo poses, or IMU samples are missing";
+  if (placed.size() < static_cast<std::size_t>(options_.initialisation.least_frames)) return out;
+  const Duration span = placed.back().pose.time - placed.front().pose.time;
+  if (span.ns < options_.initialisation.moving.ns / 2) return out;
   const Duration spacing{span.ns / std::max(1, options_.keyframes.max_keyframes - 1) * 19 / 20};
   std::vector<std::size_t> chosen;
   std::vector<TimedPose> poses;
-  for (std::size_t k = 0; k < frames_.size(); ++k) {
-    Rot3d turn;
-    if (k > 0) {
-      const Result<Preintegration> p = preintegrate(imu.samples(), frames_[k - 1].time, frames_[k].time, bias, noise_);
-      out.reason = "IMU samples are missing";
-      if (!p) return out;
-      turn = p->motion.dR;
-    }
-    out.reason = "too few points agree with a stereo pose";
-    if (odometry.add(frame(k), turn) < options_.initialisation.least_inliers) return out;
-    const bool last = k + 1 == frames_.size();
-    if (!last && !poses.empty() && frames_[k].time - poses.back().time < spacing) continue;
-    poses.push_back(odometry.poses().back());
-    chosen.push_back(k);
+  for (const Placed& p : placed) {
+    if (&p != &placed.back() && !poses.empty() && p.pose.time - poses.back().time < spacing) continue;
+    poses.push_back(p.pose);
+    chosen.push_back(p.frame);
   }
   const Result<InertialAlignment> aligned = align_inertial(poses, imu, noise_, options_.inertial);
   out.reason = "poses and IMU do not determine gravity";

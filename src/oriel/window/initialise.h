@@ -67,6 +67,11 @@ class Initialiser {
   void clear() { frames_.clear(); }
 
  private:
+  struct Placed {
+    std::size_t frame;
+    TimedPose pose;
+  };
+  std::vector<Placed> place_frames(const ImuBuffer& imu) const;
   Initialisation start_moving(const ImuBuffer& imu);
   Initialisation start_still(const Standstill& still) const;
 

@@ -15,14 +15,6 @@ void cover(std::vector<T>& column, std::size_t extent) {
 
 }  // namespace
 
-template <class F>
-void MarginalScope::for_each_variable(const Graph& graph, std::span<const VariableRef> refs, F&& f) const {
-  for (const VariableRef& ref : refs) {
-    const std::int32_t at = find(ref.pool, graph.pools()[ref.pool]->slots().dense(ref.slot));
-    if (at >= 0) f(at);
-  }
-}
-
 Result<void> MarginalScope::collect(const Graph& graph, std::span<const VariableKey> leaving, LandmarkPolicy policy) {
   reset(graph);
   for (const VariableKey& id : leaving)
@@ -34,10 +26,10 @@ Result<void> MarginalScope::collect(const Graph& graph, std::span<const Variable
     if (variables_[i].role == Role::leaving) absorb_factors(graph, i);
   rank_types(graph);
   sort_variables();
-  choose_landmarks(graph);
-  find_components(graph);
+  choose_landmarks();
+  find_components();
   place_columns();
-  sort_rows(graph);
+  sort_rows();
   return {};
 }
 
@@ -46,6 +38,7 @@ void MarginalScope::reset(const Graph& graph) {
   variables_.clear();
   rows_.clear();
   priors_.clear();
+  arguments_.clear();
   components_.clear();
   ordered_.clear();
   closed_landmarks = leaving_landmarks = kept_landmarks = dropped_landmarks = dropped_factors = 0;
@@ -73,6 +66,7 @@ std::int32_t MarginalScope::add(const Graph& graph, std::uint32_t pool, std::uin
   v.dim = p.ops().dim;
   v.fixed = p.fixed(dense);
   v.landmark = p.ops().landmark;
+  v.found = mark.at;
   variables_.push_back(v);
   return mark.at;
 }
@@ -165,18 +159,28 @@ void MarginalScope::absorb_factors(const Graph& graph, std::int32_t at) {
   });
 }
 
+MarginalArguments MarginalScope::add_all(const Graph& graph, std::span<const VariableRef> refs) {
+  MarginalArguments list{static_cast<std::uint32_t>(arguments_.size()), 0};
+  for (const VariableRef& ref : refs) {
+    const std::int32_t at = add(graph, ref.pool, graph.pools()[ref.pool]->slots().dense(ref.slot));
+    if (at >= 0) arguments_.push_back(at), ++list.count;
+  }
+  return list;
+}
+
 void MarginalScope::absorb_row(const Graph& graph, std::uint32_t table, std::uint32_t row) {
-  for (const VariableRef& ref : graph.tables()[table]->variables(row))
-    add(graph, ref.pool, graph.pools()[ref.pool]->slots().dense(ref.slot));
   MarginalRow r;
   r.table = table, r.row = row;
+  r.arguments = add_all(graph, graph.tables()[table]->variables(row));
   rows_.push_back(r);
 }
 
 void MarginalScope::absorb_prior(const Graph& graph, std::uint32_t row) {
-  for (const VariableRef& ref : graph.priors().variables(row))
-    variables_[add(graph, ref.pool, graph.pools()[ref.pool]->slots().dense(ref.slot))].in_prior = true;
-  priors_.push_back({row, -1});
+  MarginalPrior p;
+  p.row = row;
+  p.arguments = add_all(graph, graph.priors().variables(row));
+  for (const std::int32_t at : arguments(p.arguments)) variables_[at].in_prior = true;
+  priors_.push_back(p);
 }
 
 void MarginalScope::rank_types(const Graph& graph) {
@@ -203,10 +207,13 @@ void MarginalScope::sort_variables() {
   });
   for (std::size_t i = 0; i < variables_.size(); ++i)
     marks_[variables_[i].pool][variables_[i].dense].at = static_cast<std::int32_t>(i);
+  parent_.resize(variables_.size());  // scratch: from old places to new ones
+  for (std::size_t i = 0; i < variables_.size(); ++i) parent_[variables_[i].found] = static_cast<std::int32_t>(i);
+  for (std::int32_t& at : arguments_) at = parent_[at];
 }
 
 // A landmark is eliminated on its own if no prior ties it to others; of landmarks that share a factor, the first one.
-void MarginalScope::choose_landmarks(const Graph& graph) {
+void MarginalScope::choose_landmarks() {
   parent_.resize(variables_.size());  // scratch: who could be eliminated
   for (std::size_t i = 0; i < variables_.size(); ++i) {
     MarginalVariable& v = variables_[i];
@@ -214,18 +221,17 @@ void MarginalScope::choose_landmarks(const Graph& graph) {
     parent_[i] = v.eliminated;
   }
   for (const MarginalRow& r : rows_) {
-    const auto refs = graph.tables()[r.table]->variables(r.row);
     auto first = static_cast<std::int32_t>(variables_.size());
-    for_each_variable(graph, refs, [&](std::int32_t at) { first = parent_[at] ? std::min(first, at) : first; });
-    for_each_variable(graph, refs, [&](std::int32_t at) {
+    for (const std::int32_t at : arguments(r.arguments))
+      if (parent_[at]) first = std::min(first, at);
+    for (const std::int32_t at : arguments(r.arguments))
       if (at > first) variables_[at].eliminated = false;
-    });
   }
   for (const MarginalRow& r : rows_) {
-    const auto refs = graph.tables()[r.table]->variables(r.row);
     bool landmark = false;
-    for_each_variable(graph, refs, [&](std::int32_t at) { landmark = landmark || variables_[at].eliminated; });
-    if (landmark) for_each_variable(graph, refs, [&](std::int32_t at) { variables_[at].seen = true; });
+    for (const std::int32_t at : arguments(r.arguments)) landmark = landmark || variables_[at].eliminated;
+    if (!landmark) continue;
+    for (const std::int32_t at : arguments(r.arguments)) variables_[at].seen = true;
   }
 }
 
@@ -239,20 +245,20 @@ void MarginalScope::connect(std::int32_t a, std::int32_t b) {
   parent_[std::max(x, y)] = std::min(x, y);
 }
 
-void MarginalScope::find_components(const Graph& graph) {
+void MarginalScope::find_components() {
   parent_.resize(variables_.size());
   for (std::size_t i = 0; i < parent_.size(); ++i) parent_[i] = static_cast<std::int32_t>(i);
-  auto first_of = [&](std::span<const VariableRef> refs) {
+  auto first_of = [&](MarginalArguments list) {
     std::int32_t first = -1;
-    for_each_variable(graph, refs, [&](std::int32_t at) {
-      if (!variables_[at].has_columns()) return;
+    for (const std::int32_t at : arguments(list)) {
+      if (!variables_[at].has_columns()) continue;
       if (first < 0) first = at;
       connect(first, at);
-    });
+    }
     return first;
   };
-  for (MarginalRow& r : rows_) r.component = first_of(graph.tables()[r.table]->variables(r.row));
-  for (MarginalPrior& p : priors_) p.component = first_of(graph.priors().variables(p.row));
+  for (MarginalRow& r : rows_) r.component = first_of(r.arguments);
+  for (MarginalPrior& p : priors_) p.component = first_of(p.arguments);
   for (std::size_t i = 0; i < variables_.size(); ++i) {
     MarginalVariable& v = variables_[i];
     if (!v.has_columns()) continue;
@@ -304,17 +310,17 @@ void MarginalScope::place_columns() {
 
 // By component, chunk of landmarks and table; rows of a table that touch the same variables, landmarks apart, follow
 // each other.
-void MarginalScope::sort_rows(const Graph& graph) {
+void MarginalScope::sort_rows() {
   std::erase_if(rows_, [](const MarginalRow& r) { return r.component < 0; });  // all it touches is known
   for (MarginalRow& r : rows_) {
     std::uint64_t pair = 0;
     r.chunk = 0;
-    for_each_variable(graph, graph.tables()[r.table]->variables(r.row), [&](std::int32_t at) {
+    for (const std::int32_t at : arguments(r.arguments)) {
       if (variables_[at].eliminated)
         r.chunk = variables_[at].chunk;
       else if (pair < (1u << 16))
         pair = (pair << 16) | ((static_cast<std::uint64_t>(at) + 1) & 0xffffu);
-    });
+    }
     r.major = (static_cast<std::uint64_t>(r.component) << 40) | (static_cast<std::uint64_t>(r.chunk) << 16) |
               table_rank_[r.table];
     r.minor = (pair << 32) | r.row;

@@ -30,6 +30,7 @@ struct MarginalVariable {
   bool in_prior = false;    // an absorbed prior has columns of it
   bool eliminated = false;  // a leaving landmark that is eliminated on its own, before the rest
   bool seen = false;        // shares a factor with an eliminated landmark
+  std::int32_t found = 0;   // place in the order of discovery
   std::int32_t component = -1;
   // Of its first scalar: among the component's columns, leaving ones first; of an eliminated landmark, among those.
   std::int32_t column = -1;
@@ -38,15 +39,22 @@ struct MarginalVariable {
   bool has_columns() const { return !fixed && role != Role::dropped; }
 };
 
+// What a row or a prior touches, constants apart, in its own order: a slice of a list of places in variables().
+struct MarginalArguments {
+  std::uint32_t first = 0, count = 0;
+};
+
 struct MarginalRow {
   std::uint64_t major = 0, minor = 0;  // what it is sorted by
   std::uint32_t table = 0, row = 0;
   std::int32_t component = -1, chunk = 0;
+  MarginalArguments arguments;
 };
 
 struct MarginalPrior {
   std::uint32_t row = 0;
   std::int32_t component = -1;
+  MarginalArguments arguments;
 };
 
 // Variables that absorbed factors connect. Each has a prior of its own, so disjoint ones stay separate (M11).
@@ -71,8 +79,9 @@ class MarginalScope {
   const std::vector<MarginalComponent>& components() const { return components_; }
   // Variables with columns: component by component, eliminated landmarks first, then in the order of columns.
   const std::vector<std::uint32_t>& ordered() const { return ordered_; }
-  // Place in variables(); -1 for what is not in scope (constants).
-  std::int32_t find(std::uint32_t pool, std::uint32_t dense) const;
+  std::span<const std::int32_t> arguments(MarginalArguments list) const {
+    return {arguments_.data() + list.first, list.count};
+  }
 
   int closed_landmarks = 0, leaving_landmarks = 0, kept_landmarks = 0, dropped_landmarks = 0, dropped_factors = 0;
 
@@ -82,6 +91,9 @@ class MarginalScope {
     std::int32_t at = 0;
   };
   void reset(const Graph& graph);
+  // Place in variables(), or -1.
+  std::int32_t find(std::uint32_t pool, std::uint32_t dense) const;
+  MarginalArguments add_all(const Graph& graph, std::span<const VariableRef> refs);
   Result<void> add_leaving(const Graph& graph, VariableKey id);
   std::int32_t add(const Graph& graph, std::uint32_t pool, std::uint32_t dense);
   void judge_landmarks(const Graph& graph, std::int32_t at, LandmarkPolicy policy);
@@ -94,21 +106,20 @@ class MarginalScope {
   void absorb_prior(const Graph& graph, std::uint32_t row);
   void rank_types(const Graph& graph);
   void sort_variables();
-  void choose_landmarks(const Graph& graph);
-  void find_components(const Graph& graph);
+  void choose_landmarks();
+  void find_components();
   void place_columns();
-  void sort_rows(const Graph& graph);
+  void sort_rows();
   void slice_components();
   std::int32_t root(std::int32_t v);
   void connect(std::int32_t a, std::int32_t b);
-  template <class F>
-  void for_each_variable(const Graph& graph, std::span<const VariableRef> refs, F&& f) const;
 
   std::vector<MarginalVariable> variables_;
   std::vector<MarginalRow> rows_;
   std::vector<MarginalPrior> priors_;
   std::vector<MarginalComponent> components_;
   std::vector<std::uint32_t> ordered_;
+  std::vector<std::int32_t> arguments_;
 
   std::int32_t asked_ = 0;  // variables() begins with those that the caller named, until it is sorted
   std::uint32_t stamp_ = 0;

@@ -83,7 +83,7 @@ void Marginalizer::absorb(const Graph& graph, const MarginalComponent& component
     begin = end;
   }
   for (std::uint32_t i = component.priors_begin; i < component.priors_end; ++i)
-    absorb_prior(graph, scope_.priors()[i].row, report);
+    absorb_prior(graph, scope_.priors()[i], report);
   if (use_qr_)
     stack_.finish(root_);
   else
@@ -95,23 +95,16 @@ void Marginalizer::evaluate(const Graph& graph, std::span<const MarginalRow> row
   const FactorTable& table = *graph.tables()[rows[0].table];
   batch_.arguments = 0;
   int columns = 0;
-  int arg_of[AbsorbedBatch::kLargestArity];
-  for (int a = 0; a < table.arity(); ++a) {
-    const int dim = table.ops().variables[a]->dim;
-    if (dim == 0) continue;
-    arg_of[batch_.arguments] = a;
-    batch_.argument[batch_.arguments++] = {dim, columns};
-    columns += dim;
+  for (const VariableOps* ops : table.ops().variables) {
+    if (ops->dim == 0) continue;
+    batch_.argument[batch_.arguments++] = {ops->dim, columns};
+    columns += ops->dim;
   }
   table_rows_.clear();
   for (std::size_t l = 0; l < rows.size(); ++l) {
     table_rows_.push_back(rows[l].row);
-    const auto refs = table.variables(rows[l].row);
-    for (int a = 0; a < batch_.arguments; ++a) {
-      const VariableRef& ref = refs[arg_of[a]];
-      batch_.variable[l * AbsorbedBatch::kLargestArity + a] =
-          scope_.find(ref.pool, graph.pools()[ref.pool]->slots().dense(ref.slot));
-    }
+    const auto variables = scope_.arguments(rows[l].arguments);
+    std::copy(variables.begin(), variables.end(), batch_.variable + l * AbsorbedBatch::kLargestArity);
   }
   r_.reserve(std::int64_t{Batch::kRows} * table.ops().dim);
   j_.reserve(std::int64_t{Batch::kRows} * table.ops().dim * columns);
@@ -140,18 +133,17 @@ void Marginalizer::judge(const FactorTable& table, Batch& batch, const Marginali
   report.absorbed_factors += std::popcount(batch.valid);
 }
 
-void Marginalizer::absorb_prior(const Graph& graph, std::uint32_t row, MarginalizeReport& report) {
-  const LinearPriorView p = graph.priors().numbers(row);
-  const double* estimate = graph.priors().estimates(row);
+void Marginalizer::absorb_prior(const Graph& graph, const MarginalPrior& prior, MarginalizeReport& report) {
+  const LinearPriorView p = graph.priors().numbers(prior.row);
+  const double* estimate = graph.priors().estimates(prior.row);
   error_.resize(p.cols);
   residual_.resize(p.rows);
   targets_.clear();
   int column = 0;
-  for (const VariableRef& ref : graph.priors().variables(row)) {
-    const VariablePool& pool = *graph.pools()[ref.pool];
-    const std::uint32_t dense = pool.slots().dense(ref.slot);
-    const MarginalVariable& v = scope_.variables()[scope_.find(ref.pool, dense)];
-    pool.ops().minus(pool.value(dense), estimate, error_.data() + column);
+  for (const std::int32_t at : scope_.arguments(prior.arguments)) {
+    const MarginalVariable& v = scope_.variables()[at];
+    const VariablePool& pool = *graph.pools()[v.pool];
+    pool.ops().minus(pool.value(v.dense), estimate, error_.data() + column);
     for (int i = 0; i < v.dim; ++i) targets_.push_back(v.has_columns() ? v.column + i : -1);
     column += v.dim;
     estimate += estimate_doubles(pool.ops());

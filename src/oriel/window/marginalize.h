@@ -65,7 +65,7 @@ class Marginalizer {
   void evaluate(const Graph& graph, std::span<const MarginalRow> rows, const MarginalizeOptions& options,
                 MarginalizeReport& report);
   void judge(const FactorTable& table, Batch& batch, const MarginalizeOptions& options, MarginalizeReport& report);
-  void absorb_prior(const Graph& graph, std::uint32_t row, MarginalizeReport& report);
+  void absorb_prior(const Graph& graph, const MarginalPrior& prior, MarginalizeReport& report);
   void write_prior(const Graph& graph, const MarginalComponent& component, bool first_estimates, GraphEdit& edit,
                    MarginalizeReport& report);
   bool shift(const Graph& graph, const MarginalVariable& variable, bool first_estimates);

@@ -38,7 +38,7 @@ struct InitialisationOptions {
   double still_accel = 0.1;                        // [m/s²]
   Duration moving{1'500'000'000};                  // of frames, where it starts in motion [ns]
   int least_frames = 5;                            // with a known relative pose
-  int least_inliers = 15;                          // points that a relative pose is found from
+  int least_inliers = 8;                           // points that a relative pose is found from
   double gravity_tolerance = 1.0;                  // of the length of the gravity that is found [m/s²]
   Duration longest{4'000'000'000};                 // frames that are older are given up [ns]
   double position_sigma = 1e-3, yaw_sigma = 1e-3;  // of the first pose: where and how the world is put [m] [rad]
@@ -51,8 +51,9 @@ struct OdometryOptions {
   VisualOptions visual;
   InertialOptions inertial;
   InitialisationOptions initialisation;
-  int max_iterations = 8;            // of an update
+  int max_iterations = 12;           // of an update
   double function_tolerance = 1e-4;  // relative decrease of cost that ends an update
+  int most_missed_frames = 3;        // without IMU samples, before the window starts anew
   bool first_estimates = true;
 };
 

@@ -82,10 +82,8 @@ double median_error(std::span<const PointSighting> sightings, const StereoRigd& 
 }
 
 RefinePoseReport refine_pose(std::span<const PointSighting> sightings, const StereoRigd& rig,
-                             const RefinePoseOptions& options, Pose3d& T_world_body) {
+                             const RefinePoseOptions& options, Pose3d& T_world_body, std::vector<double>& errors) {
   RefinePoseReport report;
-  std::vector<double> errors;
-  errors.reserve(sightings.size());
   Pose3d T = T_world_body;
   double median = report.median_before = median_error(sightings, rig, T, errors);
   for (int k = 0; k < options.max_iterations && std::isfinite(median); ++k) {

@@ -29,7 +29,7 @@ struct RefinePoseReport {
 
 // T_world_body is moved only if the report says solved and the median fell.
 RefinePoseReport refine_pose(std::span<const PointSighting> sightings, const StereoRigd& rig,
-                             const RefinePoseOptions& options, Pose3d& T_world_body);
+                             const RefinePoseOptions& options, Pose3d& T_world_body, std::vector<double>& scratch);
 
 // Median of the errors' lengths at a pose [px]; how many were valid.
 double median_error(std::span<const PointSighting> sightings, const StereoRigd& rig, const Pose3d& T_world_body,

@@ -5,13 +5,14 @@ namespace oriel {
 Result<void> SlidingWindow::commit() {
   if (edit_.empty()) return {};
   if (auto ok = graph_.apply(edit_); !ok) return ok;
-  if (observer_ != nullptr) observer_->edited(edit_);
+  if (observer_ != nullptr) observer_->edited();
   return {};
 }
 
 Summary SlidingWindow::solve(const SolveOptions& options) {
+  const SolverState before = engine_.state();
   Summary summary = engine_.solve(options);
-  if (observer_ != nullptr) observer_->solved(graph_, engine_.state());
+  if (observer_ != nullptr) observer_->solved(options, before, summary, engine_);
   return summary;
 }
 

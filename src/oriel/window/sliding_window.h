@@ -14,8 +14,9 @@ namespace oriel {
 class WindowObserver {
  public:
   virtual ~WindowObserver() = default;
-  virtual void edited(const GraphEdit& edit) = 0;  // after it was applied
-  virtual void solved(const Graph& graph, const SolverState& state) = 0;
+  virtual void edited() = 0;  // an edit was applied to the graph
+  virtual void solved(const SolveOptions& options, const SolverState& before, const Summary& summary,
+                      const NativeEngine& engine) = 0;
 };
 
 class SlidingWindow {
@@ -27,6 +28,8 @@ class SlidingWindow {
   const Graph& graph() const { return graph_; }
   const NativeEngine& engine() const { return engine_; }
   void observe(WindowObserver* observer) { observer_ = observer; }
+  // For those who subscribe to its changes (Graph::subscribe).
+  Graph& followed() { return graph_; }
 
   // An empty edit, to be filled and committed.
   GraphEdit& edit() {

@@ -14,26 +14,29 @@ bool earlier(const std::pair<std::int64_t, Vec3d>& p, std::int64_t track) { retu
 }  // namespace
 
 int StereoOdometry::add(const StereoFrame& frame, const Rot3d& turn) {
-  Pose3d T;
-  int agreeing = 0;
-  if (!poses_.empty()) {
-    T = poses_.back().T_world_body;
-    T.R = (T.R * turn).normalized();
-    sightings_.clear();
-    for (const FeatureObservation& f : frame.features) {
-      const auto at = std::lower_bound(points_.begin(), points_.end(), f.track, earlier);
-      if (at != points_.end() && at->first == f.track)
-        sightings_.push_back({at->second, f.pixel0, f.pixel1, f.has_right});
-    }
-    const RefinePoseReport report = refine_pose(sightings_, rig_, {}, T);
-    if (!report.solved) return 0;
-    agreeing = report.inliers;
-  }
   const std::size_t before = points_.size();
+  if (poses_.empty()) {
+    triangulate_new(frame, Pose3d{});
+    const int points = static_cast<int>(points_.size() - before);
+    if (points >= least_points_)
+      poses_.push_back({frame.time, Pose3d{}});
+    else
+      points_.clear();
+    return points;
+  }
+  Pose3d T = poses_.back().T_world_body;
+  T.R = (T.R * turn).normalized();
+  sightings_.clear();
+  for (const FeatureObservation& f : frame.features) {
+    const auto at = std::lower_bound(points_.begin(), points_.end(), f.track, earlier);
+    if (at != points_.end() && at->first == f.track)
+      sightings_.push_back({at->second, f.pixel0, f.pixel1, f.has_right});
+  }
+  const RefinePoseReport report = refine_pose(sightings_, rig_, {}, T, scratch_);
+  if (!report.solved || 2 * report.inliers < report.valid || report.inliers < least_points_) return 0;
   triangulate_new(frame, T);
-  if (poses_.empty()) agreeing = static_cast<int>(points_.size() - before);
   poses_.push_back({frame.time, T});
-  return agreeing;
+  return report.inliers;
 }
 
 void StereoOdometry::triangulate_new(const StereoFrame& frame, const Pose3d& T_world_body) {

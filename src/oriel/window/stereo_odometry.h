@@ -16,10 +16,12 @@ struct TimedPose {
 
 class StereoOdometry {
  public:
-  explicit StereoOdometry(const StereoRigd& rig) : rig_(rig) {}
+  StereoOdometry(const StereoRigd& rig, int least_points) : rig_(rig), least_points_(least_points) {}
 
-  // `turn` is the rotation since the last frame, R_last_body, as a gyroscope says. The first frame is the origin.
-  // Returns how many points agree with the pose that was found; the first frame has as many as it triangulated.
+  // `turn` is the rotation since the last frame that was kept, R_last_body, as a gyroscope says. The first frame is the
+  // origin. Returns how many points agree with the pose that was found, or 0 if they are less than half; the first
+  // frame has as many as it triangulated. Where they are fewer than `least_points` the frame is not kept, and the next
+  // one's turn is still since the last frame that was.
   int add(const StereoFrame& frame, const Rot3d& turn);
   const std::vector<TimedPose>& poses() const { return poses_; }
 
@@ -27,9 +29,11 @@ class StereoOdometry {
   void triangulate_new(const StereoFrame& frame, const Pose3d& T_world_body);
 
   StereoRigd rig_;
+  int least_points_;
   std::vector<TimedPose> poses_;
   std::vector<std::pair<std::int64_t, Vec3d>> points_;  // by track
   std::vector<PointSighting> sightings_;
+  std::vector<double> scratch_;
 };
 
 }  // namespace oriel

@@ -1,0 +1,186 @@
+#include "oriel/engines/ceres/ceres_costs.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstring>
+
+namespace oriel::ceres_detail {
+namespace {
+
+constexpr int kRows = Batch::kRows;
+
+// Ceres lays blocks out at 8 bytes' alignment; values may want 16. A copy of one is always good.
+struct AlignedValue {
+  std::vector<double> memory;
+  double* at = nullptr;
+  explicit AlignedValue(std::size_t doubles) : memory(doubles + 2) {
+    const auto address = reinterpret_cast<std::uintptr_t>(memory.data());
+    at = memory.data() + (address % 16 == 0 ? 0 : 1);
+  }
+};
+
+std::size_t even(std::size_t doubles) { return (doubles + 1) / 2 * 2; }
+
+void set_block_sizes(const std::vector<Argument>& arguments, std::vector<std::int32_t>& sizes) {
+  for (const Argument& a : arguments) {
+    if (a.block < 0) continue;
+    if (static_cast<int>(sizes.size()) <= a.block) sizes.resize(static_cast<std::size_t>(a.block) + 1);
+    sizes[a.block] = block_size(*a.ops);
+  }
+}
+
+// Jacobians add up where a variable is named twice, so they begin at zero.
+void clear_jacobians(const std::vector<std::int32_t>& sizes, int rows, double** jacobians) {
+  for (std::size_t b = 0; b < sizes.size(); ++b)
+    if (jacobians[b] != nullptr) std::fill_n(jacobians[b], rows * sizes[b], 0.0);
+}
+
+}  // namespace
+
+FactorCost::FactorCost(const FactorOps& ops, const void* measurement, const void* noise,
+                       std::vector<Argument> arguments)
+    : ops_(&ops), measurement_(measurement), noise_(noise), arguments_(std::move(arguments)) {
+  set_num_residuals(ops.dim);
+  set_block_sizes(arguments_, *mutable_parameter_block_sizes());
+  for (const Argument& a : arguments_) {
+    columns_.push_back(cols_);
+    cols_ += a.ops->dim;
+    apart_ = apart_ || a.first_estimate != nullptr;
+  }
+}
+
+// A batch of one row: r and J point into scratch. False where the row is not valid.
+bool FactorCost::linearize(double const* const* parameters, bool jacobians, std::vector<double>& scratch,
+                           const double*& r, const double*& J) const {
+  std::size_t values = 0;
+  for (const Argument& a : arguments_) values += even(estimate_doubles(*a.ops));
+  AlignedValue copies(values);
+  double* copy = copies.at;
+  std::vector<const void*> at(arguments_.size() * kRows), estimate(at.size());
+  for (std::size_t k = 0; k < arguments_.size(); ++k) {
+    const Argument& a = arguments_[k];
+    const void* value = a.still;
+    if (a.block >= 0) {
+      std::memcpy(copy, parameters[a.block], a.ops->bytes);
+      value = copy;
+      copy += even(estimate_doubles(*a.ops));
+    }
+    std::fill_n(at.begin() + static_cast<std::ptrdiff_t>(k * kRows), kRows, value);
+    std::fill_n(estimate.begin() + static_cast<std::ptrdiff_t>(k * kRows), kRows,
+                a.first_estimate != nullptr ? a.first_estimate : value);
+  }
+  std::array<const void*, kRows> measurement, noise;
+  measurement.fill(measurement_), noise.fill(noise_);
+  RowPointers rows;
+  rows.rows = 1;
+  rows.measurement = measurement.data(), rows.noise = noise.data();
+  rows.at = at.data();
+  rows.jacobian_at = jacobians && apart_ ? estimate.data() : at.data();
+  scratch.resize(static_cast<std::size_t>(kRows * ops_->dim * (1 + cols_) + 8));
+  const auto misfit = reinterpret_cast<std::uintptr_t>(scratch.data()) % 64 / sizeof(double);
+  Batch batch;
+  batch.r = scratch.data() + (8 - misfit) % 8;
+  batch.J = jacobians ? batch.r + kRows * ops_->dim : nullptr;
+  ops_->linearize(rows, batch);
+  r = batch.r, J = batch.J;
+  return (batch.valid & 1) != 0;
+}
+
+bool FactorCost::valid_at(double const* const* parameters) const {
+  std::vector<double> scratch;
+  const double *r, *J;
+  return linearize(parameters, false, scratch, r, J);
+}
+
+bool FactorCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+  std::fill_n(residuals, ops_->dim, 0.0);
+  if (jacobians != nullptr) clear_jacobians(parameter_block_sizes(), ops_->dim, jacobians);
+  if (state_ == State::excluded) return true;
+  std::vector<double> scratch;
+  const double *r, *J;
+  if (!linearize(parameters, jacobians != nullptr, scratch, r, J)) return state_ == State::open;
+  for (int i = 0; i < ops_->dim; ++i) residuals[i] = r[i * kRows];
+  if (jacobians != nullptr) add_jacobians(J, jacobians);
+  return true;
+}
+
+void FactorCost::add_jacobians(const double* J, double** jacobians) const {
+  for (std::size_t k = 0; k < arguments_.size(); ++k) {
+    const Argument& a = arguments_[k];
+    if (a.block < 0 || jacobians[a.block] == nullptr) continue;
+    const int stride = block_size(*a.ops);
+    for (int c = 0; c < a.ops->dim; ++c)
+      for (int i = 0; i < ops_->dim; ++i)
+        jacobians[a.block][i * stride + c] += J[((columns_[k] + c) * ops_->dim + i) * kRows];
+  }
+}
+
+PriorCost::PriorCost(const LinearPriorView& numbers, const double* estimates, std::vector<Argument> arguments)
+    : numbers_(numbers), arguments_(std::move(arguments)) {
+  set_num_residuals(numbers.rows);
+  set_block_sizes(arguments_, *mutable_parameter_block_sizes());
+  int column = 0;
+  for (const Argument& a : arguments_) {
+    columns_.push_back(column);
+    estimates_.push_back(estimates);
+    column += a.ops->dim;
+    estimates += estimate_doubles(*a.ops);
+  }
+}
+
+bool PriorCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+  std::vector<double> error(static_cast<std::size_t>(numbers_.cols));
+  for (std::size_t k = 0; k < arguments_.size(); ++k) {
+    const Argument& a = arguments_[k];
+    AlignedValue x(estimate_doubles(*a.ops)), origin(estimate_doubles(*a.ops));
+    std::memcpy(x.at, a.block >= 0 ? parameters[a.block] : a.still, a.ops->bytes);
+    std::memcpy(origin.at, estimates_[k], a.ops->bytes);
+    a.ops->minus(x.at, origin.at, error.data() + columns_[k]);
+  }
+  evaluate_prior(numbers_, error.data(), residuals);
+  if (jacobians == nullptr) return true;
+  clear_jacobians(parameter_block_sizes(), numbers_.rows, jacobians);
+  for (std::size_t k = 0; k < arguments_.size(); ++k) {
+    const Argument& a = arguments_[k];
+    if (a.block < 0 || jacobians[a.block] == nullptr) continue;
+    const int stride = block_size(*a.ops);
+    for (int c = 0; c < a.ops->dim; ++c)
+      for (int i = 0; i < numbers_.rows; ++i)
+        jacobians[a.block][i * stride + c] +=
+            numbers_.R[static_cast<std::size_t>(columns_[k] + c) * static_cast<std::size_t>(numbers_.rows) + i];
+  }
+  return true;
+}
+
+bool PoolManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  AlignedValue from(estimate_doubles(*ops_)), to(estimate_doubles(*ops_));
+  std::memcpy(from.at, x, ops_->bytes);
+  const std::int32_t offset = 0;
+  ops_->plus(1, from.at, delta, &offset, to.at);
+  std::copy_n(x, AmbientSize(), x_plus_delta);  // what fills the block up
+  std::memcpy(x_plus_delta, to.at, ops_->bytes);
+  return true;
+}
+
+bool PoolManifold::PlusJacobian(const double*, double* jacobian) const {
+  std::fill_n(jacobian, AmbientSize() * TangentSize(), 0.0);
+  for (int i = 0; i < TangentSize(); ++i) jacobian[i * TangentSize() + i] = 1.0;
+  return true;
+}
+
+bool PoolManifold::Minus(const double* y, const double* x, double* y_minus_x) const {
+  AlignedValue to(estimate_doubles(*ops_)), from(estimate_doubles(*ops_));
+  std::memcpy(to.at, y, ops_->bytes);
+  std::memcpy(from.at, x, ops_->bytes);
+  ops_->minus(to.at, from.at, y_minus_x);
+  return true;
+}
+
+bool PoolManifold::MinusJacobian(const double*, double* jacobian) const {
+  std::fill_n(jacobian, AmbientSize() * TangentSize(), 0.0);
+  for (int i = 0; i < TangentSize(); ++i) jacobian[i * AmbientSize() + i] = 1.0;
+  return true;
+}
+
+}  // namespace oriel::ceres_detail

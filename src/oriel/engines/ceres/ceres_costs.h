@@ -1,0 +1,88 @@
+// One factor, one prior, one manifold, one loss, each as Ceres wants it. Jacobians are by the tangent space, filled up
+// with zero columns to the size of a value: PlusJacobian is [I; 0], so that their product is the tangent Jacobian
+// again.
+#pragma once
+#include <ceres/ceres.h>
+
+#include <vector>
+
+#include "oriel/graph/graph.h"
+
+namespace oriel::ceres_detail {
+
+// Doubles of a value as a parameter block; at least as many as its tangent has, for [I; 0] to exist.
+inline int block_size(const VariableOps& ops) { return std::max(static_cast<int>(estimate_doubles(ops)), ops.dim); }
+
+// A variable as cost functions see it: a parameter block, or memory that does not move (fixed values, constants).
+struct Argument {
+  const VariableOps* ops = nullptr;
+  int block = -1;                        // of the cost function's parameter blocks; -1: none
+  const void* still = nullptr;           // where block is -1
+  const void* first_estimate = nullptr;  // where Jacobians are taken, if there is one
+};
+
+class FactorCost final : public ceres::CostFunction {
+ public:
+  // The row's memory must outlive this. Arguments with the same block are one variable named twice.
+  FactorCost(const FactorOps& ops, const void* measurement, const void* noise, std::vector<Argument> arguments);
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+  // From now on a step to where the factor is not valid is refused; a factor that is invalid already never counts.
+  void freeze(bool valid) { state_ = valid ? State::active : State::excluded; }
+  bool valid_at(double const* const* parameters) const;
+
+ private:
+  enum class State { open, active, excluded };
+  bool linearize(double const* const* parameters, bool jacobians, std::vector<double>& scratch, const double*& r,
+                 const double*& J) const;
+  void add_jacobians(const double* J, double** jacobians) const;
+
+  const FactorOps* ops_;
+  const void *measurement_, *noise_;
+  std::vector<Argument> arguments_;
+  std::vector<int> columns_;  // of each argument in the Jacobian
+  int cols_ = 0;
+  bool apart_ = false;  // Jacobians are taken elsewhere
+  State state_ = State::open;
+};
+
+// r = d + R (x ⊟ x̂); its Jacobian is R.
+class PriorCost final : public ceres::CostFunction {
+ public:
+  PriorCost(const LinearPriorView& numbers, const double* estimates, std::vector<Argument> arguments);
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
+
+ private:
+  LinearPriorView numbers_;
+  std::vector<Argument> arguments_;
+  std::vector<int> columns_;
+  std::vector<const double*> estimates_;
+};
+
+class PoolManifold final : public ceres::Manifold {
+ public:
+  explicit PoolManifold(const VariableOps& ops) : ops_(&ops) {}
+  int AmbientSize() const override { return block_size(*ops_); }
+  int TangentSize() const override { return ops_->dim; }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  bool PlusJacobian(const double* x, double* jacobian) const override;
+  bool Minus(const double* y, const double* x, double* y_minus_x) const override;
+  bool MinusJacobian(const double* x, double* jacobian) const override;
+
+ private:
+  const VariableOps* ops_;
+};
+
+// ρ and ρ' of a Loss. ρ'' is given as 0: then Ceres scales rows by √ρ' and corrects nothing, as the native engine does.
+class TableLoss final : public ceres::LossFunction {
+ public:
+  explicit TableLoss(const Loss& loss) : loss_(loss) {}
+  void Evaluate(double s, double rho[3]) const override {
+    const auto v = evaluate_loss(loss_.kind, loss_.scale, s);
+    rho[0] = v.rho, rho[1] = v.weight, rho[2] = 0.0;
+  }
+
+ private:
+  Loss loss_;
+};
+
+}  // namespace oriel::ceres_detail

@@ -1,0 +1,92 @@
+// Rows that name the same kept variables are put side by side, in runs that begin at multiples of eight lanes: their
+// products with each other then go to the same blocks and are summed in registers before they are added once
+// (accumulate_runs.cc). A function of the live graph alone: rows keep the order of serials within a run.
+#include <algorithm>
+#include <bit>
+
+#include "oriel/base/pack.h"
+#include "oriel/linear/structure.h"
+
+namespace oriel {
+namespace {
+
+constexpr std::size_t kMostRows = 16384;  // larger tables keep their order, which their landmarks' memory follows
+constexpr std::size_t kMostKept = 96;     // kept blocks up to which pairs of them are counted in a table
+constexpr std::size_t kLeastMeanRun = 4;  // rows; shorter runs would be mostly padding
+
+}  // namespace
+
+void LinearStructure::set_active(TablePlan& plan) {
+  plan.runs.clear();
+  plan.active.assign((plan.rows.size() + 63) / 64, ~std::uint64_t{0});
+  if (plan.rows.size() % 64 != 0) plan.active.back() = (std::uint64_t{1} << plan.rows.size() % 64) - 1;
+}
+
+bool LinearStructure::count_runs(const TablePlan& plan) {
+  std::size_t landmarks = 0;
+  for (const auto& a : plan.arguments) landmarks += a.landmark_type;
+  const std::size_t n = plan.arguments.size(), others = n - landmarks;
+  if (landmarks != 1 || others == 0 || others > 2) return false;
+  if (plan.rows.size() > kMostRows || kept_.size() > kMostKept) return false;
+  const std::size_t base = kept_.size() + 1;
+  run_key_.resize(plan.rows.size());
+  run_begin_.assign((others == 2 ? base * base : base) + 1, 0);
+  for (std::size_t r = 0; r < plan.rows.size(); ++r) {
+    for (std::size_t a = 0; a < n; ++a)  // a landmark that is kept is like any other variable: no runs for its table
+      if (plan.arguments[a].landmark_type && plan.targets[r * n + a].kind == Target::Kind::kept) return false;
+    std::size_t key = 0;
+    for (std::size_t a = 0; a < n; ++a) {
+      if (plan.arguments[a].landmark_type) continue;
+      const Target& t = plan.targets[r * n + a];
+      key = key * base + (t.kind == Target::Kind::kept ? static_cast<std::size_t>(t.index) + 1 : 0);
+    }
+    run_key_[r] = static_cast<std::uint32_t>(key);
+    ++run_begin_[key];
+  }
+  const auto used = run_begin_.size() - static_cast<std::size_t>(std::count(run_begin_.begin(), run_begin_.end(), 0u));
+  return plan.rows.size() >= kLeastMeanRun * used;
+}
+
+void LinearStructure::group_rows(TablePlan& plan) {
+  set_active(plan);
+  if (!count_runs(plan)) return;
+  constexpr std::uint32_t kLanes = Pack::kLanes;
+  std::uint32_t end = 0;
+  for (std::uint32_t& begin : run_begin_) {  // counts become first places
+    const std::uint32_t count = begin, padded = (count + kLanes - 1) / kLanes * kLanes;
+    if (count > 0) add_runs(plan, end, padded);
+    begin = end;
+    end += padded;
+  }
+  const std::size_t arity = static_cast<std::size_t>(plan.table->arity());
+  grouped_rows_.assign(end, 0);
+  grouped_dense_.assign(end * arity, 0);
+  plan.active.assign((end + 63) / 64, 0);
+  auto put = [&](std::uint32_t at, std::size_t r) {
+    grouped_rows_[at] = plan.rows[r];
+    std::copy_n(plan.dense.begin() + static_cast<std::ptrdiff_t>(r * arity), arity,
+                grouped_dense_.begin() + static_cast<std::ptrdiff_t>(at * arity));
+  };
+  for (std::size_t r = 0; r < plan.rows.size(); ++r) {
+    const std::uint32_t at = run_begin_[run_key_[r]]++;
+    put(at, r);
+    plan.active[at / 64] |= std::uint64_t{1} << at % 64;
+    // The rest of the eight repeats this row, inactive, until another takes the place.
+    for (std::uint32_t pad = at + 1; pad % kLanes != 0; ++pad) put(pad, r);
+  }
+  plan.rows.swap(grouped_rows_);
+  plan.dense.swap(grouped_dense_);
+  plan_table(*plan.table, plan);
+}
+
+// A run ends at a batch's end and goes on in the next.
+void LinearStructure::add_runs(TablePlan& plan, std::uint32_t first, std::uint32_t count) {
+  while (count > 0) {
+    const std::uint32_t here = std::min(count, 64 - first % 64);
+    plan.runs.push_back({first, here});
+    first += here;
+    count -= here;
+  }
+}
+
+}  // namespace oriel

@@ -1,0 +1,155 @@
+// The whole window over simulated flights, with the truth at hand.
+#include "oriel/window/inertial_odometry.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "simulated_flight.h"
+
+namespace oriel {
+namespace {
+
+using Status = UpdateReport::Status;
+
+// Feeds a flight frame by frame, samples up to each frame before it.
+class Feed {
+ public:
+  explicit Feed(const SimulatedFlight& flight, const OdometryOptions& options = {}, bool stereo = true)
+      : flight_(flight), odometry(flight.rig, stereo, flight.noise, options) {}
+  UpdateReport frame(std::size_t k) {
+    const auto& f = flight_.frames[k];
+    for (; next_ < flight_.imu.size() && flight_.imu[next_].time <= f.time; ++next_)
+      EXPECT_TRUE(odometry.add_imu(flight_.imu[next_]).ok());
+    return odometry.update({f.time, f.features});
+  }
+  void all() {
+    for (std::size_t k = 0; k < flight_.frames.size(); ++k) reports.push_back(frame(k));
+  }
+
+  const SimulatedFlight& flight_;
+  std::size_t next_ = 0;
+  InertialOdometry odometry;
+  std::vector<UpdateReport> reports;
+};
+
+double seconds_of(Time t) { return (t - SimulatedFlight::time_of(0.0)).seconds(); }
+
+// Largest distance of the estimated motions since the first pose from the true ones [m].
+double worst_error(const SimulatedFlight& flight, const Trajectory& t) {
+  const StampedPose& first = t.poses().front();
+  double worst = 0.0;
+  for (const StampedPose& p : t.poses()) {
+    const Pose3d truth = flight.pose(seconds_of(first.time)).inverse() * flight.pose(seconds_of(p.time));
+    worst = std::max(worst, ((first.T_world_body.inverse() * p.T_world_body).t - truth.t).norm());
+  }
+  return worst;
+}
+
+TEST(InertialOdometry, FollowsAFlightThatStartsAtRest) {
+  const SimulatedFlight flight({.rest_s = 1.5, .duration_s = 12.0});
+  Feed feed(flight);
+  feed.all();
+  EXPECT_EQ(feed.reports.back().status, Status::tracking);
+  EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
+  EXPECT_LT((feed.reports.back().values.bias.gyro - flight.bias.gyro).norm(), 1e-3);
+  EXPECT_LT((feed.reports.back().values.bias.accel - flight.bias.accel).norm(), 0.05);
+}
+
+TEST(InertialOdometry, FollowsAFlightThatStartsInMotion) {
+  const SimulatedFlight flight({.duration_s = 12.0, .seed = 5});
+  Feed feed(flight);
+  feed.all();
+  std::size_t started = 0;
+  while (started < feed.reports.size() && feed.reports[started].status == Status::initialising) ++started;
+  EXPECT_LT(started, 25u);
+  EXPECT_EQ(feed.odometry.causal().poses().size(), feed.reports.size() - started);
+  EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
+}
+
+TEST(InertialOdometry, FollowsKeyframesThatAreASecondApart) {
+  const SimulatedFlight flight({.rest_s = 1.5, .duration_s = 40.0, .frame_interval_s = 1.0, .seed = 3});
+  Feed feed(flight);
+  feed.all();
+  EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.06);
+}
+
+TEST(InertialOdometry, StandsATenthOfGrossErrorsAndCountsThem) {
+  const SimulatedFlight flight({.rest_s = 1.5, .duration_s = 10.0, .gross_errors = 0.1, .seed = 7});
+  Feed feed(flight);
+  feed.all();
+  EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
+  EXPECT_GT(feed.odometry.dropped()[static_cast<std::size_t>(DropReason::outlier)], 100);
+}
+
+TEST(InertialOdometry, KeepsGoingByTheImuWhileNothingIsSeen) {
+  SimulatedFlight flight({.rest_s = 1.5, .duration_s = 9.0});
+  for (std::size_t k = 60; k < 65; ++k) flight.frames[k].features.clear();
+  Feed feed(flight);
+  feed.all();
+  for (const UpdateReport& r : feed.reports) EXPECT_NE(r.status, Status::failed);
+  EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
+}
+
+TEST(InertialOdometry, HoldsItsLimitsOfStatesAndLeavesNothingOfThoseThatLeft) {
+  const SimulatedFlight flight({.rest_s = 1.2, .duration_s = 12.0});
+  OdometryOptions options;
+  options.keyframes.max_keyframes = 5;
+  Feed feed(flight, options);
+  for (std::size_t k = 0; k < flight.frames.size(); ++k) {
+    feed.frame(k);
+    const Graph& g = feed.odometry.window().graph();
+    const std::size_t states = feed.odometry.timeline().size();
+    ASSERT_LE(states, 6u);
+    ASSERT_EQ(g.count<Pose3d>(), states);
+    ASSERT_EQ(g.count<Velocity3d>(), states);
+    ASSERT_EQ(g.count<ImuBiasd>(), states);
+    ASSERT_LE(g.priors().slots().size(), 1u);
+  }
+  EXPECT_GT(feed.odometry.left(), 5);
+}
+
+TEST(InertialOdometry, StartsAnewAfterAGapInTheImuWhereItHadBeen) {
+  SimulatedFlight flight({.rest_s = 1.5, .duration_s = 12.0});
+  const Time a = SimulatedFlight::time_of(5.02), b = SimulatedFlight::time_of(5.43);
+  std::erase_if(flight.imu, [&](const ImuSample& s) { return s.time > a && s.time < b; });
+  Feed feed(flight);
+  feed.all();
+  EXPECT_EQ(feed.reports[51].status, Status::failed);
+  EXPECT_STREQ(feed.reports[51].reason, "no IMU samples reach this frame");
+  EXPECT_EQ(feed.reports.back().status, Status::tracking);
+  EXPECT_GE(feed.odometry.dropped()[static_cast<std::size_t>(DropReason::no_motion)], 3);
+}
+
+TEST(InertialOdometry, RefusesAFrameThatIsNotLaterThanTheOneBefore) {
+  const SimulatedFlight flight({.rest_s = 1.5, .duration_s = 3.0});
+  Feed feed(flight);
+  for (std::size_t k = 0; k <= 20; ++k) feed.frame(k);
+  const std::uint64_t version = feed.odometry.window().graph().version();
+  EXPECT_EQ(feed.frame(20).status, Status::failed);
+  EXPECT_EQ(feed.frame(12).status, Status::failed);
+  EXPECT_EQ(feed.odometry.window().graph().version(), version);
+  EXPECT_EQ(feed.frame(21).status, Status::tracking);
+}
+
+TEST(InertialOdometry, WaitsAndSaysWhyWhereOneCameraStartsInMotion) {
+  const SimulatedFlight flight({.duration_s = 3.0});
+  Feed feed(flight, {}, false);
+  feed.all();
+  EXPECT_EQ(feed.reports.back().status, Status::initialising);
+  EXPECT_STREQ(feed.reports.back().reason, "one camera: a start in motion needs two");
+}
+
+TEST(InertialOdometry, GivesTheSameBitsInTwoRuns) {
+  const SimulatedFlight flight({.rest_s = 1.2, .duration_s = 6.0});
+  Feed one(flight), two(flight);
+  one.all();
+  two.all();
+  ASSERT_EQ(one.odometry.causal().poses().size(), two.odometry.causal().poses().size());
+  for (std::size_t k = 0; k < one.odometry.causal().poses().size(); ++k)
+    EXPECT_EQ(std::memcmp(&one.odometry.causal().poses()[k], &two.odometry.causal().poses()[k], sizeof(StampedPose)),
+              0);
+}
+
+}  // namespace
+}  // namespace oriel
