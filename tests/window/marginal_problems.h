@@ -42,7 +42,8 @@ struct LinearPair {
   bool finite() const { return std::isfinite(A.squared_norm() + B.squared_norm() + z.squared_norm()); }
 };
 
-// A random linear problem of mixed types: a grid of variables with factors to the right and below, and some priors.
+// A random linear problem of mixed types: a chessboard of variables with factors to the right and below, and a prior
+// each. White fields are of two types, black ones of all, which keeps the kinds of factors few.
 struct LinearProblem {
   Graph graph;
   std::vector<VariableKey> ids;
@@ -50,49 +51,39 @@ struct LinearProblem {
 
   explicit LinearProblem(unsigned seed, int width = 4, int height = 4) : random(seed) {
     GraphEdit edit = graph.edit();
-    auto add = [&]<class V>(V) {
-      ids.push_back(edit.add(random.value<V>(1.0)));
-      edit.add(Prior{random.value<V>(1.0)}, Sigma(random.uniform(0.5, 3.0)), VariableId<V>{ids.back().key});
-    };
-    for (int i = 0; i < width * height; ++i) switch ((i + i / width + static_cast<int>(seed)) % 8) {
-        case 0:
-          add(VectorNd<1>{});
-          break;
-        case 1:
-          add(VectorNd<2>{});
-          break;
-        case 2:
-          add(VectorNd<3>{});
-          break;
-        case 3:
-          add(VectorNd<4>{});
-          break;
-        case 4:
-          add(VectorNd<5>{});
-          break;
-        case 5:
-          add(VectorNd<6>{});
-          break;
-        case 6:
-          add(Point3d{});
-          break;
-        default:
-          add(Velocity3d{});
-          break;
-      }
+    for (int i = 0; i < width * height; ++i) {
+      const int kind = i / 2 + static_cast<int>(seed);
+      auto add = [&]<class V>(VariableId<V>) {
+        const VariableId<V> id = edit.add(random.value<V>(1.0));
+        edit.add(Prior{random.value<V>(1.0)}, Sigma(random.uniform(0.5, 3.0)), id);
+        ids.push_back(id);
+      };
+      if (white(i, width))
+        kind % 2 == 0 ? add(VariableId<Point3d>{}) : add(VariableId<VectorNd<5>>{});
+      else
+        with_type(kind % 8, SlotKey{}, add);
+    }
     EXPECT_TRUE(graph.apply(edit).ok());
     link_all(width, height);
   }
 
  private:
-  // f(VariableId<V>{...}) with the type of a key.
+  static constexpr std::uint64_t kTypes[] = {kVariableOps<VectorNd<1>>.key, kVariableOps<VectorNd<2>>.key,
+                                             kVariableOps<VectorNd<3>>.key, kVariableOps<VectorNd<4>>.key,
+                                             kVariableOps<VectorNd<5>>.key, kVariableOps<VectorNd<6>>.key,
+                                             kVariableOps<Point3d>.key,     kVariableOps<Velocity3d>.key};
+  static bool white(int i, int width) { return (i + i / width) % 2 != 0; }
+
   template <class F>
-  static void typed(VariableKey key, F&& f) {
-    auto one = [&]<class V>(V) {
-      if (key.type == kVariableOps<V>.key) f(VariableId<V>{key.key});
-    };
-    one(VectorNd<1>{}), one(VectorNd<2>{}), one(VectorNd<3>{}), one(VectorNd<4>{}), one(VectorNd<5>{});
-    one(VectorNd<6>{}), one(Point3d{}), one(Velocity3d{});
+  static void with_type(int kind, SlotKey key, F&& f) {
+    if (kind == 0) f(VariableId<VectorNd<1>>{key});
+    if (kind == 1) f(VariableId<VectorNd<2>>{key});
+    if (kind == 2) f(VariableId<VectorNd<3>>{key});
+    if (kind == 3) f(VariableId<VectorNd<4>>{key});
+    if (kind == 4) f(VariableId<VectorNd<5>>{key});
+    if (kind == 5) f(VariableId<VectorNd<6>>{key});
+    if (kind == 6) f(VariableId<Point3d>{key});
+    if (kind == 7) f(VariableId<Velocity3d>{key});
   }
   template <int C>
   Mat<double, 3, C> matrix() {
@@ -100,15 +91,22 @@ struct LinearProblem {
     for (double& e : a.m) e = random.normal();
     return a;
   }
+  void link(GraphEdit& edit, VariableKey black, VariableKey white) {
+    const int kind = static_cast<int>(std::find(std::begin(kTypes), std::end(kTypes), black.type) - kTypes);
+    with_type(kind, black.key, [&]<class V>(VariableId<V> x) {
+      auto to = [&]<class W>(VariableId<W> y) {
+        edit.add(LinearPair<V, W>{matrix<V::kDim>(), matrix<W::kDim>(), random.normal<3>(1.0)},
+                 Sigma(random.uniform(0.1, 1.0)), x, y);
+      };
+      white.type == kVariableOps<Point3d>.key ? to(VariableId<Point3d>{white.key})
+                                              : to(VariableId<VectorNd<5>>{white.key});
+    });
+  }
   void link_all(int width, int height) {
     GraphEdit edit = graph.edit();
     auto connect = [&](int i, int j) {
-      typed(ids[i], [&]<class V>(VariableId<V> x) {
-        typed(ids[j], [&]<class W>(VariableId<W> y) {
-          edit.add(LinearPair<V, W>{matrix<V::kDim>(), matrix<W::kDim>(), random.normal<3>(1.0)},
-                   Sigma(random.uniform(0.1, 1.0)), x, y);
-        });
-      });
+      if (white(i, width)) std::swap(i, j);
+      link(edit, ids[i], ids[j]);
     };
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x) {

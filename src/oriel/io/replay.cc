@@ -55,11 +55,12 @@ class Replayer {
   Result<void> compare(const Message& message) {
     auto recorded = read_outcome(message);
     if (!recorded) return recorded.error();
+    const bool stopped = recorded->reason == Reason::deadline || recorded->reason == Reason::stopped_by_callback;
     bool same = recorded->fingerprint == fingerprint(graph_);
     if (found_)
-      same = same && recorded->fingerprint == found_->fingerprint && recorded->reason == found_->reason &&
-             recorded->accepted == found_->accepted && recorded->final_cost == found_->final_cost &&
-             recorded->state.lambda == found_->state.lambda;
+      same = same && recorded->fingerprint == found_->fingerprint && recorded->accepted == found_->accepted &&
+             recorded->final_cost == found_->final_cost && recorded->state.lambda == found_->state.lambda &&
+             (stopped || recorded->reason == found_->reason);
     if (same) return {};
     ++report_.differing;
     if (report_.first_differing < 0) report_.first_differing = report_.solves - 1;

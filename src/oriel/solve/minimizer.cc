@@ -58,6 +58,7 @@ bool Minimizer::start() {
   lambda_ = options_.method == Method::gauss_newton ? 0.0
             : options_.initial_lambda > 0.0         ? options_.initial_lambda
                                                     : automatic;
+  fallbacks_before_ = e_.linearizer_.kernel_fallbacks();
   e_.solution_.version = e_.graph_->version();  // what the user sets from now on (in a callback) is newer (C5)
   e_.point_.take(*e_.graph_);
   if (options_.trace) summary_.trace.reserve(static_cast<std::size_t>(std::clamp(options_.max_iterations, 0, 1000)) + 1);
@@ -236,20 +237,21 @@ void Minimizer::stop(Reason reason, double value, double bound) {
 }
 
 void Minimizer::finish() {
-  summary_.final_cost = cost_;
-  summary_.fresh_cost = cost_;
   summary_.lambda = lambda_;
   summary_.invalid_factors = e_.active_.invalid;
   summary_.not_finite_factors = e_.active_.not_finite;
-  summary_.kernel_fallbacks = e_.linearizer_.kernel_fallbacks();
+  if (summary_.linearizations > 0)
+    summary_.not_finite_factors = std::max(summary_.not_finite_factors, e_.linearizer_.not_finite());
+  summary_.kernel_fallbacks = e_.linearizer_.kernel_fallbacks() - fallbacks_before_;
   // A start without gradient was never factored; what is undetermined there must be told all the same.
   if (summary_.reason == Reason::gradient_tolerance && summary_.iterations == 0) solve_linear();
-  if (suspicious_) find_undetermined();
+  if (suspicious_ || (summary_.linearizations > 0 && has_weak_landmark())) find_undetermined();
   {
     Stage stage(*this, summary_.seconds.adopt);
-    if (!summary_.failed() && summary_.accepted > 0) e_.adopt_point();
+    if (!summary_.failed() && summary_.accepted > 0 && !e_.adopt_point()) summary_.reason = Reason::not_finite;
     e_.state_.lambda = lambda_;
   }
+  summary_.final_cost = summary_.fresh_cost = summary_.failed() ? summary_.initial_cost : cost_;
   summary_.seconds.total = seconds();
 }
 

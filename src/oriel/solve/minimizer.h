@@ -27,6 +27,7 @@ class Minimizer {
   bool report(bool accepted);
   void stop(Reason reason, double value, double bound);
   void finish();
+  bool has_weak_landmark() const;
   void find_undetermined();
   double seconds() const;
 
@@ -47,6 +48,7 @@ class Minimizer {
   Summary summary_;
   TaskPool* pool_ = nullptr;
   std::chrono::steady_clock::time_point began_;
+  std::int64_t fallbacks_before_ = 0;  // the linearizer counts on over all solves
   double cost_ = 0.0, lambda_ = 0.0, nu_ = 2.0;
   bool stopped_ = false, suspicious_ = false;
   bool solved_ = false;  // the last linear system had a solution

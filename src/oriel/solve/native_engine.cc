@@ -54,7 +54,7 @@ TaskPool* NativeEngine::pool(int threads) {
   return threads_.get();
 }
 
-void NativeEngine::adopt_point() {
+bool NativeEngine::adopt_point() {
   const auto& pools = graph_->pools();
   solution_.columns.resize(pools.size());
   for (std::size_t p = 0; p < pools.size(); ++p) {
@@ -69,7 +69,9 @@ void NativeEngine::adopt_point() {
       c.values.push_back(point_.value(p, d));
     }
   }
-  if (graph_->adopt(solution_)) state_.solved_version = graph_->version();
+  if (!graph_->adopt(solution_)) return false;
+  state_.solved_version = graph_->version();
+  return true;
 }
 
 }  // namespace oriel

@@ -59,7 +59,7 @@ class NativeEngine final : public Engine {
   Result<void> sync(const SolveOptions& options);
   Result<void> covariance_block(VariableKey id, double* out) noexcept;
   TaskPool* pool(int threads);
-  void adopt_point();
+  bool adopt_point();  // false: the graph refused values that are not finite
 
   Graph* graph_;
   SolverState state_;

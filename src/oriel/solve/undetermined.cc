@@ -68,12 +68,39 @@ UndeterminedDirection name_direction(const Graph& graph, const LinearStructure& 
   return direction;
 }
 
+// Is a pivot of V (n × n, lower half, column-major) rounding error?
+bool is_weak(const double* v, int n) {
+  constexpr double kRelativePivot = 1e-13;  // that of the elimination
+  double l[3][3] = {};
+  for (int j = 0; j < n; ++j) {
+    const double diagonal = v[j * n + j];
+    double pivot = diagonal;
+    for (int k = 0; k < j; ++k) pivot -= l[j][k] * l[j][k];
+    if (!(pivot > kRelativePivot * diagonal)) return true;
+    l[j][j] = std::sqrt(pivot);
+    for (int i = j + 1; i < n; ++i) {
+      double s = v[j * n + i];
+      for (int k = 0; k < j; ++k) s -= l[i][k] * l[j][k];
+      l[i][j] = s / l[j][j];
+    }
+  }
+  return false;
+}
+
 }  // namespace
+
+// Damping hides what nothing determines; for landmarks it is looked for without, once a solve.
+bool Minimizer::has_weak_landmark() const {
+  const auto& landmarks = e_.structure_.landmarks();
+  return std::any_of(landmarks.begin(), landmarks.end(),
+                     [this](const LandmarkBlock& l) { return is_weak(e_.system_.landmarks.data() + l.v(), l.dim); });
+}
 
 void Minimizer::find_undetermined() {
   const LinearStructure& s = e_.structure_;
   Multifrontal& factorization = e_.structure_.factorization();
-  std::fill(e_.damping_.begin(), e_.damping_.end(), 0.0);
+  e_.damping_.assign(static_cast<std::size_t>(s.dim()), 0.0);
+  e_.rhs_.resize(static_cast<std::size_t>(s.kept_dim()));
   const double* h = e_.system_.h.data();
   if (!s.landmarks().empty()) {
     e_.reduced_.reserve(factorization.storage_size());

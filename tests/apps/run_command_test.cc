@@ -1,0 +1,51 @@
+// `oriel run` and `oriel replay` on the project's own recording.
+#include "command_runner.h"
+
+namespace oriel::apps {
+namespace {
+
+using nlohmann::json;
+
+class RunCommand : public CommandTest {
+ protected:
+  std::string recording() const {
+    EXPECT_EQ(oriel("import " + data("euroc_v101") + " " + path("recording")).exit_code, 0);
+    return path("recording");
+  }
+};
+
+TEST_F(RunCommand, EstimatesTheWholeFlightAndReportsEveryKeyOfItsContract) {
+  const CommandResult r = oriel("run " + recording() + " --json - --out " + path("flight.tum"));
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  const json o = r.json();
+  ASSERT_TRUE(o.is_object()) << r.out;
+  for (const char* key :
+       {"recording", "duration_s", "states", "updates", "update_ms", "initialised_after_s", "coverage", "ate_m",
+        "ate_final_m", "ate_deg", "path_m", "dropped", "allocations_per_update", "peak_rss_mb", "warnings"})
+    EXPECT_TRUE(o.contains(key)) << key;
+  for (const char* key : {"p50", "p99", "p999", "max"}) EXPECT_GT(o["update_ms"][key].get<double>(), 0.0) << key;
+  EXPECT_EQ(o["updates"], 100);
+  EXPECT_GE(o["coverage"].get<double>(), 0.98);
+  EXPECT_LE(o["ate_m"].get<double>(), 0.10);
+  // The trajectory that was written is the one that was judged.
+  const json judged =
+      oriel("evaluate " + path("flight.tum") + " " + data("euroc_v101") + "/groundtruth.tum --json -").json();
+  EXPECT_NEAR(judged["ate_m"].get<double>(), o["ate_m"].get<double>(), 1e-6);
+}
+
+TEST_F(RunCommand, ReplaysItsJournalToTheSameBitsWithCachesDroppedAndTwoThreads) {
+  ASSERT_EQ(oriel("run " + recording() + " --journal " + path("flight.journal")).exit_code, 0);
+  const CommandResult r = oriel("replay " + path("flight.journal") + " --verify --drop-caches --threads 2");
+  EXPECT_EQ(r.exit_code, 0) << r.out << r.err;
+}
+
+TEST_F(RunCommand, RefusesWhatIsNoRecordingWithOneLine) {
+  const CommandResult r = oriel("run " + path("absent") + " --json - --out " + path("flight.tum"));
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_TRUE(r.out.empty()) << r.out;
+  EXPECT_EQ(std::count(r.err.begin(), r.err.end(), '\n'), 1) << r.err;
+  EXPECT_FALSE(std::filesystem::exists(path("flight.tum")));
+}
+
+}  // namespace
+}  // namespace oriel::apps

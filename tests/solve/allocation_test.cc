@@ -1,0 +1,89 @@
+// From the second iteration on a solve asks for no memory; nor does a second solve of the same structure but for what
+// its summary carries away.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+#include "linear/random_problem.h"
+#include "oriel/solve/native_engine.h"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define ORIEL_COUNTS_ALLOCATIONS 0  // the sanitizer has an operator new of its own
+#else
+#define ORIEL_COUNTS_ALLOCATIONS 1
+#endif
+
+#if ORIEL_COUNTS_ALLOCATIONS
+namespace {
+std::atomic<long> allocations{0};
+void* counted(std::size_t n) {
+  ++allocations;
+  if (void* p = std::malloc(n == 0 ? 1 : n)) return p;
+  throw std::bad_alloc();
+}
+void* counted(std::size_t n, std::align_val_t a) {
+  ++allocations;
+  const auto align = static_cast<std::size_t>(a);
+  if (void* p = std::aligned_alloc(align, (n + align - 1) / align * align)) return p;
+  throw std::bad_alloc();
+}
+}  // namespace
+void* operator new(std::size_t n) { return counted(n); }
+void* operator new[](std::size_t n) { return counted(n); }
+void* operator new(std::size_t n, std::align_val_t a) { return counted(n, a); }
+void* operator new[](std::size_t n, std::align_val_t a) { return counted(n, a); }
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete[](void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+void operator delete[](void* p, std::size_t) noexcept { std::free(p); }
+void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
+void operator delete[](void* p, std::align_val_t) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+
+namespace oriel {
+namespace {
+
+using testing::Markd;
+using testing::RandomProblem;
+
+void fill(RandomProblem& p, bool landmarks) {
+  const auto x = p.variables<VectorNd<6>>(40);
+  const auto v = p.variables<VectorNd<3>>(20);
+  const auto m = p.variables<Markd<3>>(80);
+  for (int i = 0; landmarks && i < 700; ++i) p.factor<2>(Huber(0.9), p.any(x), p.any(m));
+  for (int i = 0; i < 100; ++i) p.factor<3>(p.any(x), p.any(v));
+  for (const auto id : x) p.factor<6>(id);
+  for (const auto id : v) p.factor<3>(id);
+  p.prior({x[0], v[0]}, {6, 3}, 9);
+  ASSERT_TRUE(p.apply());
+}
+
+TEST(NativeEngine, AllocatesNothingFromTheSecondIterationOn) {
+  for (const bool landmarks : {false, true})
+    for (const int threads : {1, 2}) {
+      RandomProblem p(3);
+      p.curvature = 0.2;
+      fill(p, landmarks);
+      NativeEngine engine(p.graph);
+      long at[40] = {};
+      SolveOptions options;
+      options.threads = threads;
+      options.max_iterations = 30;
+      options.function_tolerance = 0.0;
+      options.callback = [&](const IterationReport& r) {
+        at[r.iteration] = allocations.load();
+        return true;
+      };
+      const Summary s = engine.solve(options);
+      ASSERT_GE(s.iterations, 4);
+      for (int i = 3; i <= s.iterations && at[i] > 0; ++i) EXPECT_EQ(at[i] - at[1], 0) << "iteration " << i;
+      EXPECT_GT(at[1] - at[0], 0) << "the counter counts";
+    }
+}
+
+}  // namespace
+}  // namespace oriel
+#endif
