@@ -33,6 +33,7 @@ TEST_F(RunCommand, EstimatesTheWholeFlightAndReportsEveryKeyOfItsContract) {
   EXPECT_NEAR(judged["ate_m"].get<double>(), o["ate_m"].get<double>(), 1e-6);
 }
 
+// L10
 TEST_F(RunCommand, ReplaysItsJournalToTheSameBitsWithCachesDroppedAndTwoThreads) {
   ASSERT_EQ(oriel("run " + recording() + " --journal " + path("flight.journal")).exit_code, 0);
   const CommandResult r = oriel("replay " + path("flight.journal") + " --verify --drop-caches --threads 2");

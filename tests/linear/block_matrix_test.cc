@@ -64,7 +64,8 @@ TEST(BlockMatrix, DoesWhatADenseMatrixDoesUnderRandomOperations) {  // L12
     }
     ASSERT_EQ(a.dim(), dense.rows());
     ASSERT_EQ(a.variables(), ids);
-    Eigen::MatrixXd x = Eigen::MatrixXd::NullaryExpr(dense.rows(), 3, [&] { return normal(random); }), y(dense.rows(), 3);
+    Eigen::MatrixXd x = Eigen::MatrixXd::NullaryExpr(dense.rows(), 3, [&] { return normal(random); }),
+                    y(dense.rows(), 3);
     a.multiply(span(x), 3, span(y));
     ASSERT_LE((y - dense * x).norm(), 1e-11 * (1.0 + dense.norm() * x.norm()));
   }

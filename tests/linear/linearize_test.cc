@@ -124,7 +124,8 @@ TEST(Linearizer, GivesTheGoldenCaseByHand) {  // L1
   System prior(g.graph);
   const double h0[3] = {3, 1, 2};
   for (int i = 0; i < 3; ++i)
-    EXPECT_NEAR(-prior.gradient()[prior.structure.target(0, static_cast<std::uint32_t>(i)).offset], -h0[i] * step[i], 1e-14);
+    EXPECT_NEAR(-prior.gradient()[prior.structure.target(0, static_cast<std::uint32_t>(i)).offset], -h0[i] * step[i],
+                1e-14);
 }
 
 TEST(Linearizer, TakesJacobiansAtFirstEstimatesAndResidualsAtValues) {  // decision 9

@@ -170,7 +170,8 @@ class RandomProblem {
         d.g.segment(at, rows.dims[k]) += jk.transpose() * rows.r;
         for (std::size_t m = 0, e = 0; m < rows.ids.size(); e += static_cast<std::size_t>(rows.dims[m++]))
           if (const int to = offset(structure, rows.ids[m]); to >= 0)
-            d.h.block(at, to, rows.dims[k], rows.dims[m]) += jk.transpose() * rows.j.middleCols(static_cast<int>(e), rows.dims[m]);
+            d.h.block(at, to, rows.dims[k], rows.dims[m]) +=
+                jk.transpose() * rows.j.middleCols(static_cast<int>(e), rows.dims[m]);
       }
     }
     return d;
@@ -214,7 +215,9 @@ struct System {
     linearizer.linearize(graph, structure, point, numbers, pool);
     schur.prepare(structure);
   }
-  Eigen::VectorXd gradient() const { return Eigen::Map<const Eigen::VectorXd>(numbers.gradient.data(), structure.dim()); }
+  Eigen::VectorXd gradient() const {
+    return Eigen::Map<const Eigen::VectorXd>(numbers.gradient.data(), structure.dim());
+  }
   // (H + diag(damping)) step = -gradient, landmarks by Schur complement.
   Eigen::VectorXd solve(const Eigen::VectorXd& damping, TaskPool* pool = nullptr) {
     AlignedBuffer s;

@@ -78,7 +78,7 @@ void expect_same_bits(const std::string& folder) {
   Comparison comparison(odometry.window(), *replica);
   odometry.window().observe(&comparison);
   std::size_t imu = 0;
-  std::vector<Feature> features;
+  std::vector<FeatureObservation> features;
   for (const RecordedFrame& frame : recording->frames) {
     for (bool reached = false; !reached && imu < recording->imu.size(); ++imu) {
       const RecordedImu& s = recording->imu[imu];

@@ -2,8 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <random>
 
@@ -25,7 +25,9 @@ struct Fragile {  // ⊞ of a long step is not a number
   static constexpr std::string_view kName = "test.fragile/1";
   static constexpr int kDim = 1;
   double x = 0.0;
-  Fragile plus(const Vec1d& d) const { return {std::fabs(d[0]) > 1.0 ? std::numeric_limits<double>::quiet_NaN() : x + d[0]}; }
+  Fragile plus(const Vec1d& d) const {
+    return {std::fabs(d[0]) > 1.0 ? std::numeric_limits<double>::quiet_NaN() : x + d[0]};
+  }
   Vec1d minus(const Fragile& o) const { return {x - o.x}; }
 };
 struct Far {
@@ -91,7 +93,8 @@ std::vector<std::uint64_t> run_window(const std::function<bool(int)>& drop) {
     edit.add(Between{VectorNd<3>{{{0.1, 0.0, 0.0}}}}, Sigma(0.5), x.back(), next);
     x.push_back(next);
     m.push_back(edit.add(Markd<2>{}));
-    for (int k = 0; k < 7; ++k) edit.add(Mix<2, VectorNd<3>, Markd<2>>{p.normal(), 0.3, 0.1}, Sigma(1.0), p.any(x), p.any(m));
+    for (int k = 0; k < 7; ++k)
+      edit.add(Mix<2, VectorNd<3>, Markd<2>>{p.normal(), 0.3, 0.1}, Sigma(1.0), p.any(x), p.any(m));
     EXPECT_TRUE(p.graph.apply(edit));
     if (x.size() > 6) {
       GraphEdit removal = p.graph.edit();

@@ -134,7 +134,8 @@ TEST(Undetermined, NamesLandmarksThatAreAloneOrSeenTooLittle) {  // L6
     }
     const auto seen = edit.add(Markd<3>{{{1.0, 2.0, 3.0}}}, Label("seen")), once = edit.add(Markd<3>{}, Label("once")),
                alone = edit.add(Markd<3>{}, Label("alone"));
-    for (std::size_t i = 0; i < 3; ++i) edit.add(Mix<2, VectorNd<3>, Markd<3>>{1.0 + i, 0.5, 0.0}, Sigma(0.1), x[i], seen);
+    for (std::size_t i = 0; i < 3; ++i)
+      edit.add(Mix<2, VectorNd<3>, Markd<3>>{1.0 + i, 0.5, 0.0}, Sigma(0.1), x[i], seen);
     edit.add(Mix<2, VectorNd<3>, Markd<3>>{5.0, 0.5, 0.0}, Sigma(0.1), x[0], once);
     ASSERT_TRUE(graph.apply(edit));
     NativeEngine engine(graph);
@@ -142,9 +143,12 @@ TEST(Undetermined, NamesLandmarksThatAreAloneOrSeenTooLittle) {  // L6
     EXPECT_TRUE(s.converged()) << s;
     std::size_t at_once = 0, at_alone = 0, others = 0;
     for (const auto& d : s.undetermined) {
-      if (d.scalars.at(0).id == VariableKey(once)) ++at_once;
-      else if (d.scalars.at(0).id == VariableKey(alone)) ++at_alone;
-      else ++others;
+      if (d.scalars.at(0).id == VariableKey(once))
+        ++at_once;
+      else if (d.scalars.at(0).id == VariableKey(alone))
+        ++at_alone;
+      else
+        ++others;
     }
     EXPECT_EQ(at_once, 1u) << s;
     EXPECT_EQ(at_alone, 3u) << s;

@@ -87,6 +87,8 @@ Result<void> EditValidator::added_variables(const edit::Variables& c) const {
     if (a.serial != 0) serial = a.serial;
     if (!c.ops->finite(c.values.at(i)))
       return Error{ErrorCode::not_finite, "add: the value of " + name() + " is not finite"};
+    if (a.has_first_estimate && !c.ops->finite(c.first_estimates.at(i)))
+      return Error{ErrorCode::not_finite, "add: the first estimate of " + name() + " is not finite"};
   }
   return {};
 }

@@ -73,8 +73,8 @@ void LinearStructure::demote_landmarks(const Graph& graph) {
       if (t.kind == Target::Kind::landmark) t.kind = Target::Kind::kept;
     }
   }
-  for (const std::uint32_t t : table_order_) {
-    const FactorTable* table = graph.tables()[t].get();
+  for (const std::uint32_t place : table_order_) {
+    const FactorTable* table = graph.tables()[place].get();
     int landmark_arguments = 0;
     for (const VariableOps* v : table->ops().variables) landmark_arguments += v->landmark;
     if (landmark_arguments < 2) continue;

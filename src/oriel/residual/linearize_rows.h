@@ -42,7 +42,8 @@ void gather(const void* const* rows, typename T::template rebind<Pack>& out) {
 #if defined(__AVX512F__)
   const __m512i base = _mm512_loadu_si512(rows);
   for (int i = 0; i < n; ++i)
-    s[i] = Pack(reinterpret_cast<Pack::Native>(_mm512_i64gather_pd(base, reinterpret_cast<void*>(i * 8L), 1)));
+    s[i] = Pack(reinterpret_cast<Pack::Native>(
+        _mm512_mask_i64gather_pd(_mm512_setzero_pd(), 0xff, base, reinterpret_cast<void*>(i * 8L), 1)));
 #else
   for (int i = 0; i < n; ++i)
     for (int l = 0; l < kGroup; ++l) s[i].v[l] = static_cast<const double*>(rows[l])[i];
