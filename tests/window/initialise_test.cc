@@ -102,7 +102,15 @@ TEST(Initialiser, DoesNotStartInMotionWithoutPointsToGoBy) {
   const SimulatedFlight flight({.duration_s = 3.0, .points = 3});
   const Initialisation none = initialiser_for(flight, 30).attempt(all_imu(flight));
   EXPECT_EQ(none.kind, Initialisation::Kind::none);
-  EXPECT_STREQ(none.reason, "too few points agree with stereo poses, or IMU samples are missing");
+  EXPECT_STREQ(none.reason, "too few frames with stereo poses and IMU samples");
+}
+
+TEST(Initialiser, StartsWithTheFramesAfterTheFirstSamples) {
+  SimulatedFlight flight({.duration_s = 5.0});
+  std::erase_if(flight.imu, [](const ImuSample& s) { return s.time < SimulatedFlight::time_of(1.52); });
+  const Initialisation start = initialiser_for(flight, 40).attempt(all_imu(flight));
+  ASSERT_EQ(start.kind, Initialisation::Kind::moving) << start.reason;
+  EXPECT_EQ(start.states.front().frame, 16u);
 }
 
 TEST(Initialiser, DoesNotStartWhereGravityHasTheWrongLength) {

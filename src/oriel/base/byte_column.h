@@ -27,7 +27,8 @@ class ByteColumn {
   // At least; grows by doubling, so that one by one stays linear.
   std::size_t capacity() const { return stride_ == 0 ? 0 : bytes_.capacity() / stride_; }
   void reserve(std::size_t n) {
-    if (n * stride_ > bytes_.capacity()) bytes_.reserve(n * stride_ > 2 * bytes_.capacity() ? n * stride_ : 2 * bytes_.capacity());
+    if (n * stride_ > bytes_.capacity())
+      bytes_.reserve(n * stride_ > 2 * bytes_.capacity() ? n * stride_ : 2 * bytes_.capacity());
   }
   void clear() { bytes_.clear(); }
 

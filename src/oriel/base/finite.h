@@ -22,19 +22,29 @@ template <class T, int N>
 consteval bool takes() {
   return []<int... I>(std::integer_sequence<int, I...>) {
     return requires { T{(static_cast<void>(I), Anything{})...}; };
-  }(std::make_integer_sequence<int, N>{});
+  }
+  (std::make_integer_sequence<int, N>{});
 }
 template <class T>
 consteval int member_count() {
-  if constexpr (takes<T, 8>()) return 8;
-  else if constexpr (takes<T, 7>()) return 7;
-  else if constexpr (takes<T, 6>()) return 6;
-  else if constexpr (takes<T, 5>()) return 5;
-  else if constexpr (takes<T, 4>()) return 4;
-  else if constexpr (takes<T, 3>()) return 3;
-  else if constexpr (takes<T, 2>()) return 2;
-  else if constexpr (takes<T, 1>()) return 1;
-  else return 0;
+  if constexpr (takes<T, 8>())
+    return 8;
+  else if constexpr (takes<T, 7>())
+    return 7;
+  else if constexpr (takes<T, 6>())
+    return 6;
+  else if constexpr (takes<T, 5>())
+    return 5;
+  else if constexpr (takes<T, 4>())
+    return 4;
+  else if constexpr (takes<T, 3>())
+    return 3;
+  else if constexpr (takes<T, 2>())
+    return 2;
+  else if constexpr (takes<T, 1>())
+    return 1;
+  else
+    return 0;
 }
 
 template <class... T>
@@ -80,9 +90,15 @@ template <class T>
 bool all_finite(const T& x) {
   if constexpr (std::is_floating_point_v<T>) {
     return std::isfinite(x);
-  } else if constexpr (requires { { x.finite() } -> std::same_as<bool>; }) {
+  } else if constexpr (requires {
+                         { x.finite() } -> std::same_as<bool>;
+                       }) {
     return x.finite();
-  } else if constexpr (requires { T::kSize; typename T::Scalar; x.m[0]; }) {
+  } else if constexpr (requires {
+                         T::kSize;
+                         typename T::Scalar;
+                         x.m[0];
+                       }) {
     for (int i = 0; i < T::kSize; ++i)
       if (!all_finite(x.m[i])) return false;
     return true;

@@ -160,23 +160,23 @@ constexpr Mat<S, R, C> operator*(const Mat<S, R, K>& a, const Mat<S, K, C>& b) {
 
 // A measurement in double beside a value over another scalar: `pose.translation() - p_world_beacon`.
 template <class S, int R, int C>
-  requires(!std::is_same_v<S, double>)
-constexpr Mat<S, R, C> operator-(const Mat<S, R, C>& a, const Mat<double, R, C>& b) {
+requires(!std::is_same_v<S, double>) constexpr Mat<S, R, C> operator-(const Mat<S, R, C>& a,
+                                                                      const Mat<double, R, C>& b) {
   return a - b.template cast<S>();
 }
 template <class S, int R, int C>
-  requires(!std::is_same_v<S, double>)
-constexpr Mat<S, R, C> operator-(const Mat<double, R, C>& a, const Mat<S, R, C>& b) {
+requires(!std::is_same_v<S, double>) constexpr Mat<S, R, C> operator-(const Mat<double, R, C>& a,
+                                                                      const Mat<S, R, C>& b) {
   return a.template cast<S>() - b;
 }
 template <class S, int R, int C>
-  requires(!std::is_same_v<S, double>)
-constexpr Mat<S, R, C> operator+(const Mat<S, R, C>& a, const Mat<double, R, C>& b) {
+requires(!std::is_same_v<S, double>) constexpr Mat<S, R, C> operator+(const Mat<S, R, C>& a,
+                                                                      const Mat<double, R, C>& b) {
   return a + b.template cast<S>();
 }
 template <class S, int R, int K, int C>
-  requires(!std::is_same_v<S, double>)
-constexpr Mat<S, R, C> operator*(const Mat<double, R, K>& a, const Mat<S, K, C>& b) {
+requires(!std::is_same_v<S, double>) constexpr Mat<S, R, C> operator*(const Mat<double, R, K>& a,
+                                                                      const Mat<S, K, C>& b) {
   return a.template cast<S>() * b;
 }
 

@@ -84,7 +84,9 @@ class SlotIndex {
     return k.generation > slots_[k.index].generation;
   }
   // True if `insert` of this key will succeed as things stand.
-  bool can_insert(SlotKey k, std::size_t incoming = 0) const { return is_new(k, incoming) && find_slot(k.index) == kNone; }
+  bool can_insert(SlotKey k, std::size_t incoming = 0) const {
+    return is_new(k, incoming) && find_slot(k.index) == kNone;
+  }
   // Appends; the dense position of the new value. Serials rise.
   std::uint32_t insert(SlotKey k, std::uint64_t serial) {
     check(is_new(k, kNone) && find_slot(k.index) == kNone, "a slot key is inserted twice");
@@ -141,7 +143,8 @@ class SlotIndex {
  private:
   // A follower never lends, so that what could be lent piles up: all but the latest key of each slot is used up.
   void forget_used_up() {
-    std::erase_if(free_, [this](SlotKey k) { return k.index >= slots_.size() || k.generation <= slots_[k.index].generation; });
+    std::erase_if(free_,
+                  [this](SlotKey k) { return k.index >= slots_.size() || k.generation <= slots_[k.index].generation; });
   }
 
   static constexpr std::size_t kLargestLeap = std::size_t{1} << 24;

@@ -26,7 +26,8 @@ bool free_for(const Column& c, const SlotIndex& slots, SlotKey key) {
 // One slot named twice, under whatever generations.
 bool has_twice(std::vector<SlotKey> keys) {  // rare path: edits that were not lent here, and removals of several priors
   std::sort(keys.begin(), keys.end(), [](SlotKey a, SlotKey b) { return a.index < b.index; });
-  return std::adjacent_find(keys.begin(), keys.end(), [](SlotKey a, SlotKey b) { return a.index == b.index; }) != keys.end();
+  return std::adjacent_find(keys.begin(), keys.end(), [](SlotKey a, SlotKey b) { return a.index == b.index; }) !=
+         keys.end();
 }
 template <class Added>
 bool has_twice(const std::vector<Added>& added) {

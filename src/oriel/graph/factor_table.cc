@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-
 namespace oriel {
 
 std::uint32_t FactorTable::insert(const Row& row, std::uint64_t version) {
@@ -77,7 +76,8 @@ void PriorTable::compact_if_due() {
   auto settle = [&](Shape s) {  // arenas close up in the same order as rows
     std::copy_n(refs_.begin() + s.refs, s.ref_count, refs_.begin() + refs_end);
     std::copy_n(incidences_.begin() + s.refs, s.ref_count, incidences_.begin() + refs_end);
-    std::copy(arena_.begin() + static_cast<std::ptrdiff_t>(s.estimates), arena_.begin() + static_cast<std::ptrdiff_t>(s.end),
+    std::copy(arena_.begin() + static_cast<std::ptrdiff_t>(s.estimates),
+              arena_.begin() + static_cast<std::ptrdiff_t>(s.end),
               arena_.begin() + static_cast<std::ptrdiff_t>(arena_end));
     const std::size_t shift = s.estimates - arena_end;
     s.refs = refs_end;

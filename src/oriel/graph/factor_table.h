@@ -16,7 +16,8 @@ struct VariableRef {
 
 class FactorTable {
  public:
-  explicit FactorTable(const FactorOps* ops) : ops_(ops), measurements_(ops->measurement_bytes), noises_(ops->noise_bytes) {}
+  explicit FactorTable(const FactorOps* ops)
+      : ops_(ops), measurements_(ops->measurement_bytes), noises_(ops->noise_bytes) {}
 
   const FactorOps& ops() const { return *ops_; }
   int arity() const { return static_cast<int>(ops_->variables.size()); }
@@ -24,7 +25,9 @@ class FactorTable {
   SlotIndex& slots() { return slots_; }
   std::uint32_t extent() const { return slots_.extent(); }
 
-  std::span<const VariableRef> variables(std::uint32_t row) const { return {&refs_[row * arity()], ops_->variables.size()}; }
+  std::span<const VariableRef> variables(std::uint32_t row) const {
+    return {&refs_[row * arity()], ops_->variables.size()};
+  }
   const void* measurement(std::uint32_t row) const { return measurements_.at(row); }
   const void* noise(std::uint32_t row) const { return noises_.at(row); }
   const Loss& loss(std::uint32_t row) const { return losses_[row]; }
@@ -65,7 +68,7 @@ class PriorTable {
 
   struct Shape {
     int rows = 0, cols = 0;
-    std::uint32_t refs = 0, ref_count = 0;         // in the arena of refs
+    std::uint32_t refs = 0, ref_count = 0;             // in the arena of refs
     std::size_t estimates = 0, d = 0, R = 0, end = 0;  // in the arena of doubles
   };
 

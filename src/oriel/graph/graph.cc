@@ -21,7 +21,8 @@ Result<void> Graph::adopt(const Solution& solution) noexcept {
   for (const Solution::Column& c : solution.columns)
     for (std::size_t i = 0; i < c.keys.size(); ++i)
       if (!c.ops->finite(c.values.at(i)))
-        return Error{ErrorCode::not_finite, "adopt: the value of " + describe({c.ops->key, c.keys[i]}) + " is not finite"};
+        return Error{ErrorCode::not_finite,
+                     "adopt: the value of " + describe({c.ops->key, c.keys[i]}) + " is not finite"};
   ++version_;
   for (const Solution::Column& c : solution.columns) {
     VariablePool* pool = pool_of(c.ops->key);
@@ -137,8 +138,8 @@ void collect_added(const VariablePool& pool, std::uint64_t seen, GraphEdit& out)
   }
 }
 
-void collect_added(const FactorTable& table, const std::vector<std::unique_ptr<VariablePool>>& pools, std::uint64_t seen,
-                   GraphEdit& out) {
+void collect_added(const FactorTable& table, const std::vector<std::unique_ptr<VariablePool>>& pools,
+                   std::uint64_t seen, GraphEdit& out) {
   const std::uint32_t first = first_after(table.extent(), seen, [&](auto r) { return table.added(r); });
   for (std::uint32_t r = first; r < table.extent(); ++r) {
     if (!table.slots().is_live(r)) continue;
@@ -146,7 +147,8 @@ void collect_added(const FactorTable& table, const std::vector<std::unique_ptr<V
     c.added.push_back({table.slots().key(r), table.slots().serial(r), out.next_order(), table.loss(r)});
     c.measurements.push_back(table.measurement(r));
     c.noises.push_back(table.noise(r));
-    for (const VariableRef& ref : table.variables(r)) c.variables.push_back(pools[ref.pool]->slots().key_of_slot(ref.slot));
+    for (const VariableRef& ref : table.variables(r))
+      c.variables.push_back(pools[ref.pool]->slots().key_of_slot(ref.slot));
   }
 }
 

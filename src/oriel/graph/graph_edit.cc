@@ -121,7 +121,8 @@ FactorId GraphEdit::add(const LinearPrior& prior) {
   append(prior.d);
   append(prior.R);
   a.block_size = priors_.numbers.size() - a.block;
-  const auto rows = static_cast<std::size_t>(std::max(prior.rows, 0)), cols = static_cast<std::size_t>(std::max(prior.cols, 0));
+  const auto rows = static_cast<std::size_t>(std::max(prior.rows, 0)),
+             cols = static_cast<std::size_t>(std::max(prior.cols, 0));
   std::size_t dims = 0;
   for (const VariableKey& id : prior.variables) {
     const edit::Variables* column = find_variables(id.type);
@@ -144,9 +145,9 @@ const void* GraphEdit::find_value(VariableKey id) const {
 }
 
 void GraphEdit::unresolved(VariableKey id) const {
-  contract_violated("GraphEdit::value: " +
-                    (graph_ != nullptr ? graph_->describe(id) : "variable #" + std::to_string(id.key.index)) +
-                    " is neither in the edit nor in the graph");
+  contract_violated(
+      "GraphEdit::value: " + (graph_ != nullptr ? graph_->describe(id) : "variable #" + std::to_string(id.key.index)) +
+      " is neither in the edit nor in the graph");
 }
 
 // The column of a variable's type; null, and noted for apply to refuse, if the graph has never seen that type.
@@ -154,8 +155,8 @@ edit::Variables* GraphEdit::known_column(VariableKey id, const char* what) {
   if (edit::Variables* c = column_of(id.type)) return c;
   if (const VariableOps* ops = graph_ != nullptr ? graph_->find_ops(id.type) : nullptr) return &variables(ops);
   if (unknown_.empty())
-    unknown_ = std::string(what) + ": variable #" + std::to_string(id.key.index) + "." + std::to_string(id.key.generation) +
-               " of a type that the graph does not know";
+    unknown_ = std::string(what) + ": variable #" + std::to_string(id.key.index) + "." +
+               std::to_string(id.key.generation) + " of a type that the graph does not know";
   return nullptr;
 }
 

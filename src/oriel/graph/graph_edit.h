@@ -54,7 +54,8 @@ struct Variables {
   std::vector<std::pair<SlotKey, bool>> fixed;
   SlotMarks added_at, removed_at;
 
-  explicit Variables(const VariableOps* o) : ops(o), values(o->bytes), first_estimates(o->bytes), set_values(o->bytes) {}
+  explicit Variables(const VariableOps* o)
+      : ops(o), values(o->bytes), first_estimates(o->bytes), set_values(o->bytes) {}
   void clear();
   bool empty() const { return added.empty() && removed.empty() && set.empty() && fixed.empty(); }
   void add(const AddedVariable& a, const void* value, const void* first_estimate);
@@ -236,8 +237,10 @@ inline constexpr bool kNoiseFits<FullNoise<N>, N> = true;
 template <Residual R, class Noise, class... V>
 FactorId GraphEdit::add(const R& residual, const Noise& noise, const Loss& loss, VariableId<V>... variables) {
   static_assert(ResidualTraits<R>::kArity == sizeof...(V), "as many ids as the residual's Variables are needed");
-  static_assert(detail::kSameVariables<typename R::Variables, V...>, "the ids must be those of the residual's Variables");
-  static_assert(detail::kNoiseFits<Noise, ResidualTraits<R>::kDim>, "the noise has another dimension than the residual");
+  static_assert(detail::kSameVariables<typename R::Variables, V...>,
+                "the ids must be those of the residual's Variables");
+  static_assert(detail::kNoiseFits<Noise, ResidualTraits<R>::kDim>,
+                "the noise has another dimension than the residual");
   static_assert(alignof(R) <= 16, "measurements are stored at 16 bytes' alignment");
   const SlotKey keys[] = {variables.key...};
   return add_factor(&kFactorOps<R, Noise>, &residual, &noise, loss, keys);

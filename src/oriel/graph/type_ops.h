@@ -94,7 +94,7 @@ inline constexpr VariableOps kVariableOps = {V::kName,
                                              type_key(V::kName),
                                              V::kDim,
                                              sizeof(V),
-                                             Landmark<V> && V::kDim <= 3,  // elimination has kernels up to 3
+                                             Landmark<V>&& V::kDim <= 3,  // elimination has kernels up to 3
                                              detail::tangent_names<V>(),
                                              &detail::plus_all<V>,
                                              &detail::minus_one<V>,
@@ -110,17 +110,16 @@ struct OpsOf<Types<V...>> {
 }  // namespace detail
 
 template <Residual R, class Noise>
-inline constexpr FactorOps kFactorOps = {
-    R::kName,
-    Noise::kName,
-    type_key(R::kName) * 31 + type_key(Noise::kName),
-    ResidualTraits<R>::kDim,
-    detail::OpsOf<typename R::Variables>::kOps,
-    sizeof(R),
-    sizeof(Noise),
-    &linearize_rows<R, Noise>,
-    [](const void* m) { return all_finite(*static_cast<const R*>(m)); },
-    [](const void* n) { return static_cast<const Noise*>(n)->valid(); }};
+inline constexpr FactorOps kFactorOps = {R::kName,
+                                         Noise::kName,
+                                         type_key(R::kName) * 31 + type_key(Noise::kName),
+                                         ResidualTraits<R>::kDim,
+                                         detail::OpsOf<typename R::Variables>::kOps,
+                                         sizeof(R),
+                                         sizeof(Noise),
+                                         &linearize_rows<R, Noise>,
+                                         [](const void* m) { return all_finite(*static_cast<const R*>(m)); },
+                                         [](const void* n) { return static_cast<const Noise*>(n)->valid(); }};
 
 // The types that a reader (journal, worker, Python) may meet, by key. An edit names types by key alone.
 class TypeList {

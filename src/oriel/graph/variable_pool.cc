@@ -1,6 +1,5 @@
 #include "oriel/graph/variable_pool.h"
 
-
 namespace oriel {
 
 std::uint32_t VariablePool::insert(SlotKey key, std::uint64_t serial, const void* value, bool fixed,

@@ -57,7 +57,8 @@ void multiply(const double* a, const double* b, int dim, Tile& tile) {
 template <int DA, int DB>
 void add_block(const double* q, const Destination& d) {
   switch (d.kind) {
-    case PairAddress::Kind::none: return;
+    case PairAddress::Kind::none:
+      return;
     case PairAddress::Kind::stored:
       for (int c = 0; c < DB; ++c)
         for (int i = 0; i < DA; ++i) d.to[std::int64_t{c} * d.ld + i] += q[c * DA + i];
@@ -121,7 +122,7 @@ constexpr std::array<Kernel, 6> kernels_of() {
           &pair_kernel<DA, 6>, &pair_kernel<DA, 7>, &pair_kernel<DA, 9>};
 }
 constexpr std::array<std::array<Kernel, 6>, 6> kKernels = {kernels_of<1>(), kernels_of<2>(), kernels_of<3>(),
-                                                            kernels_of<6>(), kernels_of<7>(), kernels_of<9>()};
+                                                           kernels_of<6>(), kernels_of<7>(), kernels_of<9>()};
 
 Kernel find_kernel(int da, int db) {
   if (da > kLargestDim || db > kLargestDim || kIndexOfDim[da] < 0 || kIndexOfDim[db] < 0) return nullptr;
@@ -133,7 +134,13 @@ class Group {
  public:
   Group(const LinearStructure& structure, const TablePlan& plan, std::size_t first, int lane, const Batch& batch,
         LinearSystem& out, std::int64_t& fallbacks)
-      : structure_(structure), plan_(plan), row_(first + lane), lane_(lane), batch_(batch), out_(out), fallbacks_(fallbacks) {
+      : structure_(structure),
+        plan_(plan),
+        row_(first + lane),
+        lane_(lane),
+        batch_(batch),
+        out_(out),
+        fallbacks_(fallbacks) {
     lanes_ = std::min(kLanes, batch.rows - lane);
   }
 
@@ -158,7 +165,8 @@ class Group {
     const double* j = columns(a);
     for (int i = 0; i < da; ++i) {
       V8 s{};
-      for (int r = 0; r < batch_.dim; ++r) s += load(j + (i * batch_.dim + r) * kStride) * load(batch_.r + r * kStride + lane_);
+      for (int r = 0; r < batch_.dim; ++r)
+        s += load(j + (i * batch_.dim + r) * kStride) * load(batch_.r + r * kStride + lane_);
       for (int l = 0; l < lanes_; ++l) {
         const Target& t = target(l, a);
         if (t.kind != Target::Kind::fixed && valid(l)) out_.gradient[t.offset + i] += s[l];
@@ -195,9 +203,10 @@ class Group {
     if (x.kind == Kind::kept && y.kind == Kind::kept) {
       const PairAddress& p = plan_.pairs[(row_ + l) * (n * (n + 1) / 2) + pair];
       auto kind = p.kind;
-      if (swap) kind = kind == PairAddress::Kind::stored       ? PairAddress::Kind::transposed
-                       : kind == PairAddress::Kind::transposed ? PairAddress::Kind::stored
-                                                               : kind;
+      if (swap)
+        kind = kind == PairAddress::Kind::stored       ? PairAddress::Kind::transposed
+               : kind == PairAddress::Kind::transposed ? PairAddress::Kind::stored
+                                                       : kind;
       return {out_.h.data() + p.offset, p.ld, kind};
     }
     const LandmarkBlock& m = structure_.landmarks()[plan_.landmark[row_ + l]];
@@ -222,8 +231,8 @@ class Group {
 // that is kept have no runs.
 class LandmarkGroup {
  public:
-  LandmarkGroup(const LinearStructure& structure, const TablePlan& plan, std::size_t first, int lane, const Batch& batch,
-                LinearSystem& out)
+  LandmarkGroup(const LinearStructure& structure, const TablePlan& plan, std::size_t first, int lane,
+                const Batch& batch, LinearSystem& out)
       : plan_(plan), row_(first + lane), lane_(lane), batch_(batch), out_(out) {
     const int lanes = std::min(kLanes, batch.rows - lane);
     for (int l = 0; l < lanes; ++l)
@@ -281,8 +290,7 @@ void accumulate(const LinearStructure& structure, const TablePlan& plan, std::si
                 LinearSystem& out, std::int64_t& kernel_fallbacks) {
   if (!plan.runs.empty()) {  // what concerns kept variables alone is summed by runs
     accumulate_runs(plan, first, batch, out);
-    for (int lane = 0; lane < batch.rows; lane += kLanes)
-      LandmarkGroup(structure, plan, first, lane, batch, out).run();
+    for (int lane = 0; lane < batch.rows; lane += kLanes) LandmarkGroup(structure, plan, first, lane, batch, out).run();
     return;
   }
   for (int lane = 0; lane < batch.rows; lane += kLanes)

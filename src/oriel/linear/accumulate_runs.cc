@@ -79,7 +79,7 @@ constexpr std::array<Kernel, 5> kernels_of() {
   return {&run_kernel<DA, 1>, &run_kernel<DA, 2>, &run_kernel<DA, 3>, &run_kernel<DA, 6>, &run_kernel<DA, 9>};
 }
 constexpr std::array<std::array<Kernel, 5>, 5> kKernels = {kernels_of<1>(), kernels_of<2>(), kernels_of<3>(),
-                                                            kernels_of<6>(), kernels_of<9>()};
+                                                           kernels_of<6>(), kernels_of<9>()};
 
 void multiply(int da, int db, const double* a, const double* b, int dim, int count, Product& out) {
   const int x = da <= kLargestDim ? kIndexOfDim[da] : -1, y = db <= kLargestDim ? kIndexOfDim[db] : -1;
@@ -93,7 +93,8 @@ void add(const Product& p, int da, int db, const PairAddress& at, double* h) {
   for (int c = 0; c < db; ++c)
     for (int i = 0; i < da; ++i) {
       const double x = p.entries[c * da + i];
-      const std::int64_t stored = at.offset + std::int64_t{c} * at.ld + i, turned = at.offset + std::int64_t{i} * at.ld + c;
+      const std::int64_t stored = at.offset + std::int64_t{c} * at.ld + i,
+                         turned = at.offset + std::int64_t{i} * at.ld + c;
       if (at.kind != PairAddress::Kind::transposed) h[stored] += x;
       if (at.kind != PairAddress::Kind::stored) h[turned] += x;
     }

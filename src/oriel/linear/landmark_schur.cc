@@ -10,8 +10,8 @@
 namespace oriel {
 namespace {
 
-constexpr int kPanelColumns = 96;     // of Z at once: with 64 rows it stays in the first-level cache's neighbour
-constexpr int kLargestPanel = 640;    // kept scalars up to which the tall matrix is considered
+constexpr int kPanelColumns = 96;   // of Z at once: with 64 rows it stays in the first-level cache's neighbour
+constexpr int kLargestPanel = 640;  // kept scalars up to which the tall matrix is considered
 constexpr double kRelativePivot = 1e-13;
 constexpr int kLargestLandmark = 3;
 
@@ -131,10 +131,9 @@ void subtract_any(const double* zi, const double* zj, std::int64_t ld, int di, i
 
 using BlockKernel = void (*)(const double*, const double*, std::int64_t, double*, std::int64_t);
 BlockKernel find_kernel(int d, int l) {
-  static constexpr BlockKernel kOf[3][3] = {
-      {&subtract_block<3, 1>, &subtract_block<3, 2>, &subtract_block<3, 3>},
-      {&subtract_block<6, 1>, &subtract_block<6, 2>, &subtract_block<6, 3>},
-      {&subtract_block<9, 1>, &subtract_block<9, 2>, &subtract_block<9, 3>}};
+  static constexpr BlockKernel kOf[3][3] = {{&subtract_block<3, 1>, &subtract_block<3, 2>, &subtract_block<3, 3>},
+                                            {&subtract_block<6, 1>, &subtract_block<6, 2>, &subtract_block<6, 3>},
+                                            {&subtract_block<9, 1>, &subtract_block<9, 2>, &subtract_block<9, 3>}};
   return d % 3 == 0 && d <= 9 && l <= 3 ? kOf[d / 3 - 1][l - 1] : nullptr;
 }
 
@@ -318,8 +317,8 @@ void LandmarkSchur::subtract_panel(const LinearStructure& structure, double* s, 
   for (int i = 0; i < panel_rows_; ++i) rhs[first_scalar_ + i] += product_.data()[i * ld + panel_rows_];
 }
 
-void LandmarkSchur::back_substitute(const LinearStructure& structure, const LinearSystem& system,
-                                    const double* damping, double* step, TaskPool* pool) {
+void LandmarkSchur::back_substitute(const LinearStructure& structure, const LinearSystem& system, const double* damping,
+                                    double* step, TaskPool* pool) {
   const auto& kept = structure.kept();
   parallel_for(pool, slices_, [&](int slice, int) {
     double* near = slice_z_[slice].data();  // the step of a landmark's neighbours, side by side

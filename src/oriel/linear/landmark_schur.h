@@ -18,8 +18,8 @@ class LandmarkSchur {
   void reduce(const LinearStructure& structure, const LinearSystem& system, const double* damping, double* s,
               double* rhs, TaskPool* pool);
   // Landmark part of the step, from its kept part.
-  void back_substitute(const LinearStructure& structure, const LinearSystem& system, const double* damping, double* step,
-                       TaskPool* pool);
+  void back_substitute(const LinearStructure& structure, const LinearSystem& system, const double* damping,
+                       double* step, TaskPool* pool);
 
   bool dense() const { return dense_; }
   double flops() const { return flops_; }
@@ -29,7 +29,8 @@ class LandmarkSchur {
  private:
   void reduce_slice(const LinearStructure& structure, const LinearSystem& system, const double* damping, int slice,
                     double* s, double* rhs);
-  void subtract_pairs(const LinearStructure& structure, const LandmarkBlock& landmark, const double* z, double* s) const;
+  void subtract_pairs(const LinearStructure& structure, const LandmarkBlock& landmark, const double* z,
+                      double* s) const;
   void reduce_panel(const LinearStructure& structure, const LinearSystem& system, const double* damping, double* s,
                     double* rhs);
   void subtract_panel(const LinearStructure& structure, double* s, double* rhs);

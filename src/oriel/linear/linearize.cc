@@ -93,8 +93,10 @@ void Linearizer::evaluate(const Graph& graph, const LinearStructure& structure, 
       if (frozen == nullptr) return;
       for (int l = 0; l < batch.rows; ++l) {
         const bool counts = (frozen->valid[at] >> l) & 1, valid = (batch.valid >> l) & 1;
-        if (!counts) cost[l] = 0.0;
-        else if (!valid) cost[l] = frozen->cost[at * kRows + l];
+        if (!counts)
+          cost[l] = 0.0;
+        else if (!valid)
+          cost[l] = frozen->cost[at * kRows + l];
       }
     };
     parallel_for(pool, static_cast<int>(batches), one);

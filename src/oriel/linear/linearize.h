@@ -11,7 +11,8 @@
 
 namespace oriel {
 
-// H (kept with kept, in the layout of the factorization), g = Jᵀr (kept, then landmarks), and for each landmark V, g, W.
+// H (kept with kept, in the layout of the factorization), g = Jᵀr (kept, then landmarks), and for each landmark V, g,
+// W.
 struct LinearSystem {
   AlignedBuffer h;
   std::vector<double> gradient;  // of the cost by the step, dim() values; those of landmarks too
@@ -22,7 +23,7 @@ struct LinearSystem {
 // Which factors count, and what each costs, at one point (decision 12).
 struct ActiveSet {
   std::vector<std::uint64_t> valid, not_finite_mask;  // a batch each
-  std::vector<double> cost;          // ½ρ by row, 64 a batch
+  std::vector<double> cost;                           // ½ρ by row, 64 a batch
   double prior_cost = 0.0;
   double total = 0.0;
   std::int64_t invalid = 0, not_finite = 0;  // rows

@@ -15,7 +15,8 @@ class Point {
     for (std::size_t p = columns_.size(); p < pools.size(); ++p) columns_.emplace_back(pools[p]->ops().bytes);
     for (std::size_t p = 0; p < pools.size(); ++p) {
       columns_[p].resize(pools[p]->extent());
-      if (pools[p]->extent() > 0) std::memcpy(columns_[p].data(), pools[p]->values(), pools[p]->extent() * columns_[p].stride());
+      if (pools[p]->extent() > 0)
+        std::memcpy(columns_[p].data(), pools[p]->values(), pools[p]->extent() * columns_[p].stride());
     }
   }
   const std::byte* column(std::size_t pool) const { return columns_[pool].data(); }

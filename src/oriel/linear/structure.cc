@@ -106,7 +106,8 @@ void LinearStructure::collect_rows(const Graph& graph) {
     for (std::uint32_t r = 0; r < table.extent(); ++r) {
       if (!table.slots().is_live(r)) continue;
       plan.rows.push_back(r);
-      for (const VariableRef& ref : table.variables(r)) plan.dense.push_back(graph.pools()[ref.pool]->slots().dense(ref.slot));
+      for (const VariableRef& ref : table.variables(r))
+        plan.dense.push_back(graph.pools()[ref.pool]->slots().dense(ref.slot));
     }
     row_count_ += plan.rows.size();
     int column = 0;
@@ -124,7 +125,8 @@ void LinearStructure::collect_rows(const Graph& graph) {
 void LinearStructure::number_kept(const Graph& graph) {
   for (std::size_t i = 0; i < plan_count_; ++i) {
     const TablePlan& plan = plans_[i];
-    const bool landmarks = std::any_of(plan.arguments.begin(), plan.arguments.end(), [](auto& a) { return a.landmark_type; });
+    const bool landmarks =
+        std::any_of(plan.arguments.begin(), plan.arguments.end(), [](auto& a) { return a.landmark_type; });
     if (!landmarks) continue;
     const int arity = plan.table->arity();
     for (std::size_t r = 0; r < plan.rows.size(); ++r) {
@@ -132,7 +134,8 @@ void LinearStructure::number_kept(const Graph& graph) {
       for (const auto& a : plan.arguments)
         touches = touches || targets_[a.pool][plan.dense[r * arity + a.arg]].kind == Target::Kind::landmark;
       if (!touches) continue;
-      for (const auto& a : plan.arguments) targets_[a.pool][plan.dense[r * arity + a.arg]].index = 0;  // marks it as seen
+      for (const auto& a : plan.arguments)
+        targets_[a.pool][plan.dense[r * arity + a.arg]].index = 0;  // marks it as seen
     }
   }
   kept_.clear();
@@ -306,7 +309,8 @@ Result<void> LinearStructure::analyze(const FactorOptions& options) {
   for (std::size_t i = 0; i < prior_count_; ++i)
     for (const Target& x : priors_[i].targets)
       for (const Target& y : priors_[i].targets)
-        if (x.kind == Target::Kind::kept && y.kind == Target::Kind::kept && x.index > y.index) connect(x.index, y.index);
+        if (x.kind == Target::Kind::kept && y.kind == Target::Kind::kept && x.index > y.index)
+          connect(x.index, y.index);
   for (const LandmarkBlock& l : landmarks_)
     for (int a = 1; a < l.neighbours; ++a)
       for (int b = 0; b < a; ++b) connect(neighbours_[l.first_neighbour + a], neighbours_[l.first_neighbour + b]);

@@ -43,22 +43,22 @@ struct TablePlan {
   std::vector<Argument> arguments;  // those with columns
   // Live rows in the order of serials, or in runs; batches are cut by 64.
   std::vector<std::uint32_t> rows;
-  std::vector<std::uint64_t> active;  // a batch each: the rows that count; the others are padding
-  std::vector<Run> runs;              // empty: no runs
-  std::vector<std::uint32_t> dense;   // rows × arity: where the values stand
-  std::vector<Target> targets;        // rows × arguments
-  std::vector<PairAddress> pairs;     // rows × arguments (arguments + 1) / 2: kept with kept, (a, b ≤ a)
-  std::vector<std::int32_t> landmark;  // rows: the landmark that the row touches, or -1
+  std::vector<std::uint64_t> active;    // a batch each: the rows that count; the others are padding
+  std::vector<Run> runs;                // empty: no runs
+  std::vector<std::uint32_t> dense;     // rows × arity: where the values stand
+  std::vector<Target> targets;          // rows × arguments
+  std::vector<PairAddress> pairs;       // rows × arguments (arguments + 1) / 2: kept with kept, (a, b ≤ a)
+  std::vector<std::int32_t> landmark;   // rows: the landmark that the row touches, or -1
   std::vector<std::int32_t> panel_row;  // rows × arguments: row of a kept argument in its landmark's panel
 };
 
 // An eliminated variable: V (dim × dim), g (dim) and W (rows × dim, column-major) stand one after the other.
 struct LandmarkBlock {
-  std::int32_t dim = 0, rows = 0;        // rows: scalars of all kept variables that share a factor with it
-  std::int32_t offset = 0;               // in a step
-  std::int64_t data = 0;                 // in the landmark store: V, then g, then W
+  std::int32_t dim = 0, rows = 0;                    // rows: scalars of all kept variables that share a factor with it
+  std::int32_t offset = 0;                           // in a step
+  std::int64_t data = 0;                             // in the landmark store: V, then g, then W
   std::int32_t first_neighbour = 0, neighbours = 0;  // slice of neighbours()
-  std::int64_t first_pair = 0;           // slice of pair addresses: neighbours (i, j ≤ i), row by row
+  std::int64_t first_pair = 0;                       // slice of pair addresses: neighbours (i, j ≤ i), row by row
   std::uint32_t pool = 0, dense = 0;
 
   std::int64_t v() const { return data; }
@@ -136,8 +136,8 @@ class LinearStructure {
   std::vector<LandmarkBlock> landmarks_;
   std::vector<std::int32_t> neighbours_;
   std::vector<BlockAddress> landmark_pairs_;
-  std::vector<std::vector<Target>> targets_;        // by pool and dense position
-  std::vector<std::vector<std::int32_t>> offsets_;  // the same, offsets alone
+  std::vector<std::vector<Target>> targets_;             // by pool and dense position
+  std::vector<std::vector<std::int32_t>> offsets_;       // the same, offsets alone
   std::vector<std::uint32_t> pool_order_, table_order_;  // by name
   std::uint64_t version_ = 0;
   int kept_dim_ = 0, dim_ = 0;
@@ -151,7 +151,7 @@ class LinearStructure {
   std::vector<std::pair<std::int32_t, std::int32_t>> sightings_, sorted_sightings_;
   std::vector<std::int32_t> count_;
   std::vector<std::uint64_t> serials_;
-  std::vector<char> connected_;           // blocks × blocks, where that is small
+  std::vector<char> connected_;            // blocks × blocks, where that is small
   std::vector<BlockAddress> small_table_;  // the same, addresses
 };
 

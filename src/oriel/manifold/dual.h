@@ -1,6 +1,6 @@
-// Dual<N>: a value with its derivatives by N variables (forward mode; Griewank & Walther, Evaluating Derivatives, ch. 3).
-// It gives the Jacobian of any residual that is written over its scalar; shipped residuals are analytic and are only
-// checked against it.
+// Dual<N>: a value with its derivatives by N variables (forward mode; Griewank & Walther, Evaluating Derivatives, ch.
+// 3). It gives the Jacobian of any residual that is written over its scalar; shipped residuals are analytic and are
+// only checked against it.
 #pragma once
 #include <cmath>
 

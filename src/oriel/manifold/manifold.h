@@ -35,26 +35,30 @@ concept Named = requires {
 };
 
 template <class T>
-concept Constant = Named<T> && std::is_trivially_copyable_v<T> && (T::kDim == 0);
+concept Constant = Named<T> && std::is_trivially_copyable_v<T> &&(T::kDim == 0);
 
 template <class T>
-concept Manifold = Named<T> && std::is_trivially_copyable_v<T> && (T::kDim > 0) &&
+concept Manifold = Named<T> && std::is_trivially_copyable_v<T> &&(T::kDim > 0) &&
                    requires(const T x, const T y, const Vec<double, T::kDim> d) {
-                     { x.plus(d) } -> std::same_as<T>;
-                     { y.minus(x) } -> std::same_as<Vec<double, T::kDim>>;
-                   };
+  { x.plus(d) } -> std::same_as<T>;
+  { y.minus(x) } -> std::same_as<Vec<double, T::kDim>>;
+};
 
 // What a factor may be attached to.
 template <class T>
 concept Variable = Manifold<T> || Constant<T>;
 
 template <class T>
-concept Landmark = Manifold<T> && requires { requires T::kLandmark; };
+concept Landmark = Manifold<T> && requires {
+  requires T::kLandmark;
+};
 
 // All members are of one scalar type, and the type exists over others.
 template <class T>
-concept Rebindable = requires { typename T::template rebind<double>; } &&
-                     std::same_as<typename T::template rebind<double>, T> && (sizeof(T) % sizeof(double) == 0);
+concept Rebindable = requires {
+  typename T::template rebind<double>;
+}
+&&std::same_as<typename T::template rebind<double>, T> && (sizeof(T) % sizeof(double) == 0);
 
 // x over another scalar: Dual (derivatives zero) or Pack (all lanes equal).
 template <class S, Rebindable T>

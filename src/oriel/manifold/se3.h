@@ -10,13 +10,13 @@ template <class S>
 struct Pose3 {
   static constexpr std::string_view kName = "pose3/1";
   static constexpr int kDim = 6;
-  static constexpr std::array<std::string_view, 6> kTangentNames = {"rotation x [rad]", "rotation y [rad]",
-                                                                    "rotation z [rad]", "translation x [m]",
+  static constexpr std::array<std::string_view, 6> kTangentNames = {"rotation x [rad]",  "rotation y [rad]",
+                                                                    "rotation z [rad]",  "translation x [m]",
                                                                     "translation y [m]", "translation z [m]"};
   template <class T>
   using rebind = Pose3<T>;
 
-  Rot3<S> R{};                       // rotation
+  Rot3<S> R{};                      // rotation
   Vec<S, 3> t = Vec<S, 3>::zero();  // translation [m]
 
   const Rot3<S>& rotation() const { return R; }

@@ -71,8 +71,8 @@ template <class S>
 struct ExpCoefficients {
   S A, B, C;
   explicit ExpCoefficients(const S& t) {
-    using std::cos, std::sin, std::sqrt;
     using so3_detail::alternating;
+    using std::cos, std::sin, std::sqrt;
     const auto small = t < S(so3_detail::kSeries);
     const S safe = select(small, S(1.0), t);
     const S theta = sqrt(safe), s = sin(theta), half = sin(theta * S(0.5));
@@ -108,8 +108,8 @@ struct Rot3 {
 
   // Exp, [ML] eq. 132-134 over quaternions; φ [rad].
   static Rot3 exp(const Vec<S, 3>& phi) {
-    using std::cos, std::sin, std::sqrt;
     using so3_detail::alternating;
+    using std::cos, std::sin, std::sqrt;
     const S t = phi.squared_norm() * S(0.25);  // (θ/2)²
     const auto small = t < S(so3_detail::kSeries);
     const S half = sqrt(select(small, S(1.0), t));
@@ -130,8 +130,9 @@ struct Rot3 {
   }
   Rot3 inverse() const { return {-qx, -qy, -qz, qw}; }
   friend Rot3 operator*(const Rot3& a, const Rot3& b) {
-    return {a.qw * b.qx + a.qx * b.qw + a.qy * b.qz - a.qz * b.qy, a.qw * b.qy - a.qx * b.qz + a.qy * b.qw + a.qz * b.qx,
-            a.qw * b.qz + a.qx * b.qy - a.qy * b.qx + a.qz * b.qw, a.qw * b.qw - a.qx * b.qx - a.qy * b.qy - a.qz * b.qz};
+    return {
+        a.qw * b.qx + a.qx * b.qw + a.qy * b.qz - a.qz * b.qy, a.qw * b.qy - a.qx * b.qz + a.qy * b.qw + a.qz * b.qx,
+        a.qw * b.qz + a.qx * b.qy - a.qy * b.qx + a.qz * b.qw, a.qw * b.qw - a.qx * b.qx - a.qy * b.qy - a.qz * b.qz};
   }
   Vec<S, 3> operator*(const Vec<S, 3>& p) const {
     const Vec<S, 3> u = cross(vec(), p) * S(2.0);
@@ -158,8 +159,7 @@ Rot3<S> Rot3<S>::from_matrix(const Mat<S, 3, 3>& R) requires std::same_as<S, dou
   int big = 0;
   for (int i = 1; i < 4; ++i)
     if (d[i] > d[big]) big = i;
-  if (big == 0)
-    return Rot3{R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1), 1.0 + t}.normalized();
+  if (big == 0) return Rot3{R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1), 1.0 + t}.normalized();
   const int i = big - 1, j = (i + 1) % 3, k = (i + 2) % 3;
   double q[3];
   q[i] = 1.0 + R(i, i) - R(j, j) - R(k, k);

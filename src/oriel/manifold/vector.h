@@ -55,15 +55,13 @@ struct ImuBias {
   static constexpr std::string_view kName = "imu_bias/1";
   static constexpr int kDim = 6;
   static constexpr std::array<std::string_view, 6> kTangentNames = {
-      "gyroscope bias x [rad/s]",   "gyroscope bias y [rad/s]",   "gyroscope bias z [rad/s]",
+      "gyroscope bias x [rad/s]",    "gyroscope bias y [rad/s]",    "gyroscope bias z [rad/s]",
       "accelerometer bias x [m/s2]", "accelerometer bias y [m/s2]", "accelerometer bias z [m/s2]"};
   template <class T>
   using rebind = ImuBias<T>;
   Vec<S, 3> gyro = Vec<S, 3>::zero();   // [rad/s]
   Vec<S, 3> accel = Vec<S, 3>::zero();  // [m/s²]
-  ImuBias plus(const Vec<S, 6>& d) const {
-    return {gyro + d.template segment<3>(0), accel + d.template segment<3>(3)};
-  }
+  ImuBias plus(const Vec<S, 6>& d) const { return {gyro + d.template segment<3>(0), accel + d.template segment<3>(3)}; }
   Vec<S, 6> minus(const ImuBias& x) const {
     Vec<S, 6> d;
     d.set_segment(0, gyro - x.gyro);

@@ -44,8 +44,9 @@ int marginalize_columns(int rows, int cols, const std::vector<char>& leaves, std
   }
   std::vector<double> kept;
   for (int j = 0; j < cols; ++j)
-    if (!leaves[j]) kept.insert(kept.end(), R.begin() + j * static_cast<std::ptrdiff_t>(rows) + used,
-                                R.begin() + (j + 1) * static_cast<std::ptrdiff_t>(rows));
+    if (!leaves[j])
+      kept.insert(kept.end(), R.begin() + j * static_cast<std::ptrdiff_t>(rows) + used,
+                  R.begin() + (j + 1) * static_cast<std::ptrdiff_t>(rows));
   d.erase(d.begin(), d.begin() + used);
   R = std::move(kept);
   return rows - used;

@@ -9,7 +9,8 @@
 
 namespace oriel {
 
-// The numbers of a prior, in memory that someone else owns. Variable k has tangent columns [column_k, column_k + dim_k).
+// The numbers of a prior, in memory that someone else owns. Variable k has tangent columns [column_k, column_k +
+// dim_k).
 struct LinearPriorView {
   int rows = 0, cols = 0;
   const double* R = nullptr;  // rows × cols, column-major

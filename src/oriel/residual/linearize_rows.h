@@ -237,8 +237,8 @@ struct ScalarRows {
   static constexpr int D = T::kDim;
 
   template <std::size_t... I>
-  static bool call(const RowPointers& rows, const void* const* at, int l, Vec<double, D>& r, Mat<double, D, T::kCols>* j,
-                   std::index_sequence<I...>) {
+  static bool call(const RowPointers& rows, const void* const* at, int l, Vec<double, D>& r,
+                   Mat<double, D, T::kCols>* j, std::index_sequence<I...>) {
     return evaluate_residual(*static_cast<const R*>(rows.measurement[l]), r, j,
                              *static_cast<const typename T::template Var<I>*>(at[I * Batch::kRows + l])...);
   }
@@ -274,8 +274,8 @@ struct ScalarRows {
 
 }  // namespace detail
 
-// Evaluates the rows of one table at a point into `out`, whose r (and J, unless null) have room for them. Inactive lanes
-// and those past out.rows, up to the next multiple of eight, are not valid and hold zeros.
+// Evaluates the rows of one table at a point into `out`, whose r (and J, unless null) have room for them. Inactive
+// lanes and those past out.rows, up to the next multiple of eight, are not valid and hold zeros.
 template <Residual R, class Noise>
 void linearize_rows(const RowPointers& rows, Batch& out) noexcept {
   RowPointers in = rows;

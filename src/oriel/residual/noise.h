@@ -66,10 +66,11 @@ struct FullNoise {
 };
 
 namespace detail {
-inline constexpr double kNotANoise = std::numeric_limits<double>::quiet_NaN();  // refused by apply, with the factor named
+inline constexpr double kNotANoise =
+    std::numeric_limits<double>::quiet_NaN();  // refused by apply, with the factor named
 
-// Upper W with WᵀW = information, for positive semidefinite information; entries NaN where it is indefinite. Every pivot
-// is judged by its own diagonal entry: units differ (1/m², 1/rad²), and a weak direction is not an empty one.
+// Upper W with WᵀW = information, for positive semidefinite information; entries NaN where it is indefinite. Every
+// pivot is judged by its own diagonal entry: units differ (1/m², 1/rad²), and a weak direction is not an empty one.
 template <int N>
 FullNoise<N> whitener_of(Mat<double, N, N> a) {
   constexpr double kRounding = 1e-12, kOffDiagonal = 1e-6;
@@ -98,9 +99,7 @@ FullNoise<N> whitener_of(Mat<double, N, N> a) {
 }  // namespace detail
 
 // What a user writes; apply refuses a factor whose noise is not valid (σ ≤ 0, NaN, indefinite) and names it.
-inline IsotropicNoise Sigma(double sigma) {
-  return {sigma > 0.0 ? 1.0 / sigma : detail::kNotANoise};
-}
+inline IsotropicNoise Sigma(double sigma) { return {sigma > 0.0 ? 1.0 / sigma : detail::kNotANoise}; }
 template <int N>
 DiagonalNoise<N> Sigmas(const Vec<double, N>& sigma) {
   DiagonalNoise<N> n;

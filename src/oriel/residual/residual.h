@@ -12,7 +12,8 @@
 //               Valid<S> evaluate(const Pose3<S>& x, const Point3<S>& p, Vec<S, 2>& r, Mat<S, 2, 6>* J_x,
 //                                 Mat<S, 2, 3>* J_p) const;
 //               One Jacobian for each variable that is not a constant, by its tangent at zero; all null or none. If the
-//               struct itself is a template over its scalar with rebind<S>, eight rows are evaluated at once (S = Pack).
+//               struct itself is a template over its scalar with rebind<S>, eight rows are evaluated at once (S =
+//               Pack).
 #pragma once
 #include <array>
 #include <concepts>
@@ -67,7 +68,9 @@ struct ReturnShape<std::optional<T>> {
 };
 
 template <class T>
-concept HasVariables = Named<T> && std::is_trivially_copyable_v<T> && requires { typename T::Variables; };
+concept HasVariables = Named<T> && std::is_trivially_copyable_v<T> && requires {
+  typename T::Variables;
+};
 template <class T>
 concept SaysItsDimension = requires {
   { T::kDim } -> std::convertible_to<int>;

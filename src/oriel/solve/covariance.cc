@@ -36,8 +36,9 @@ Result<void> NativeEngine::covariance_block(VariableKey id, double* out) noexcep
       if (report.status == FactorReport::Status::not_finite)
         return Error{ErrorCode::not_finite, "covariance: the linear system is not finite"};
       if (report.status == FactorReport::Status::undetermined || !schur_.undetermined().empty())
-        return Error{ErrorCode::singular, "covariance of " + graph_->describe(id) +
-                                              ": some direction of the graph is determined by nothing (solve names it)"};
+        return Error{ErrorCode::singular,
+                     "covariance of " + graph_->describe(id) +
+                         ": some direction of the graph is determined by nothing (solve names it)"};
     }
     factorization.solve(rhs_.data(), step_.data());
     if (!structure_.landmarks().empty())

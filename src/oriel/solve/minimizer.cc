@@ -51,9 +51,9 @@ bool Minimizer::start() {
   summary_.fronts = static_cast<int>(s.factorization().symbolic().fronts().size());
   summary_.factor_flops = s.factorization().symbolic().flops();
   summary_.schur_flops = e_.schur_.flops();
-  summary_.linear_solver = s.landmarks().empty()  ? "multifrontal"
-                           : e_.schur_.dense() ? "landmark_schur_panel+multifrontal"
-                                               : "landmark_schur+multifrontal";
+  summary_.linear_solver = s.landmarks().empty() ? "multifrontal"
+                           : e_.schur_.dense()   ? "landmark_schur_panel+multifrontal"
+                                                 : "landmark_schur+multifrontal";
   const double automatic = s.landmarks().empty() ? 1e-8 : 1e-4;
   lambda_ = options_.method == Method::gauss_newton ? 0.0
             : options_.initial_lambda > 0.0         ? options_.initial_lambda
@@ -61,12 +61,15 @@ bool Minimizer::start() {
   fallbacks_before_ = e_.linearizer_.kernel_fallbacks();
   e_.solution_.version = e_.graph_->version();  // what the user sets from now on (in a callback) is newer (C5)
   e_.point_.take(*e_.graph_);
-  if (options_.trace) summary_.trace.reserve(static_cast<std::size_t>(std::clamp(options_.max_iterations, 0, 1000)) + 1);
+  if (options_.trace)
+    summary_.trace.reserve(static_cast<std::size_t>(std::clamp(options_.max_iterations, 0, 1000)) + 1);
   evaluate(e_.point_, nullptr, e_.active_);
   cost_ = summary_.initial_cost = e_.active_.total;
   report(true);
-  if (!std::isfinite(cost_)) stop(Reason::not_finite, cost_, 0);
-  else if (s.dim() == 0 || summary_.factors == 0) stop(Reason::nothing_to_do, 0, 0);
+  if (!std::isfinite(cost_))
+    stop(Reason::not_finite, cost_, 0);
+  else if (s.dim() == 0 || summary_.factors == 0)
+    stop(Reason::nothing_to_do, 0, 0);
   return !stopped_;
 }
 
@@ -105,7 +108,8 @@ void Minimizer::linearize() {
   ++summary_.linearizations;
   summary_.gradient = largest(e_.system_.gradient);
   if (!summary_.trace.empty()) summary_.trace.back().gradient = summary_.gradient;
-  if (!std::isfinite(summary_.gradient)) stop(Reason::not_finite, summary_.gradient, 0);
+  if (!std::isfinite(summary_.gradient))
+    stop(Reason::not_finite, summary_.gradient, 0);
   else if (summary_.gradient <= options_.gradient_tolerance)
     stop(Reason::gradient_tolerance, summary_.gradient, options_.gradient_tolerance);
 }
@@ -141,8 +145,7 @@ bool Minimizer::solve_linear() {
   }
   Stage stage(*this, summary_.seconds.solve);
   factorization.solve(e_.rhs_.data(), e_.step_.data());
-  if (!s.landmarks().empty())
-    e_.schur_.back_substitute(s, e_.system_, e_.damping_.data(), e_.step_.data(), pool_);
+  if (!s.landmarks().empty()) e_.schur_.back_substitute(s, e_.system_, e_.damping_.data(), e_.step_.data(), pool_);
   return std::isfinite(largest(e_.step_));
 }
 
@@ -152,7 +155,8 @@ void Minimizer::step_to_trial() {
   for (std::size_t p = 0; p < pools.size(); ++p) {
     const VariableOps& ops = pools[p]->ops();
     if (ops.dim > 0)
-      ops.plus(pools[p]->extent(), e_.point_.column(p), e_.step_.data(), e_.structure_.offsets(p).data(), e_.trial_.column(p));
+      ops.plus(pools[p]->extent(), e_.point_.column(p), e_.step_.data(), e_.structure_.offsets(p).data(),
+               e_.trial_.column(p));
   }
 }
 

@@ -13,8 +13,8 @@ namespace oriel {
 // What influences the bits of the next solve and is not in the graph: it travels to replicas and is journaled.
 // Everything else that an engine holds is a cache, and dropping it changes no bit.
 struct SolverState {
-  double lambda = 0.0;                  // 0: the option's initial value
-  std::uint64_t solved_version = 0;     // version of the graph that the last solve's values went into
+  double lambda = 0.0;               // 0: the option's initial value
+  std::uint64_t solved_version = 0;  // version of the graph that the last solve's values went into
 };
 
 class NativeEngine final : public Engine {
@@ -29,8 +29,8 @@ class NativeEngine final : public Engine {
   Summary solve() noexcept { return solve(SolveOptions{}); }
   double cost() noexcept override;
 
-  // Covariance of a variable in its tangent space at the graph's values (after a solve: at the solution), given all that
-  // the graph knows. An Error where something is undetermined, never a stale or made-up matrix.
+  // Covariance of a variable in its tangent space at the graph's values (after a solve: at the solution), given all
+  // that the graph knows. An Error where something is undetermined, never a stale or made-up matrix.
   template <Manifold V>
   Result<Mat<double, V::kDim, V::kDim>> covariance(VariableId<V> id) noexcept {
     Mat<double, V::kDim, V::kDim> out;
@@ -72,7 +72,7 @@ class NativeEngine final : public Engine {
   LandmarkSchur schur_;
   ActiveSet active_, trial_active_;
   Point point_, trial_;
-  AlignedBuffer reduced_;                       // S
+  AlignedBuffer reduced_;  // S
   std::vector<double> damping_, rhs_, step_;
   Solution solution_;
   std::unique_ptr<ThreadPool> threads_;

@@ -11,11 +11,11 @@ enum class Method { levenberg_marquardt, gauss_newton };
 
 // One line of the trace, and what a callback sees after each iteration.
 struct IterationReport {
-  int iteration = 0;       // 0: the start
-  double seconds = 0.0;    // since solve began, ordering and symbolic work included
-  double cost = 0.0;       // of the best values so far
-  double gradient = 0.0;   // largest entry of the gradient
-  double lambda = 0.0;     // damping
+  int iteration = 0;      // 0: the start
+  double seconds = 0.0;   // since solve began, ordering and symbolic work included
+  double cost = 0.0;      // of the best values so far
+  double gradient = 0.0;  // largest entry of the gradient
+  double lambda = 0.0;    // damping
   bool accepted = true;
 };
 
@@ -31,9 +31,9 @@ struct SolveOptions {
   // Damping to begin with, relative to the diagonal of H. 0: 1e-4 where landmarks are eliminated (their depths are far
   // from linear), 1e-8 elsewhere (a pose graph from a fair start is best left to Gauss–Newton).
   double initial_lambda = 0.0;
-  Duration deadline{0};          // comes back at most one stage after it; 0: none
-  bool first_estimates = true;   // Jacobians at first estimates where a prior has fixed them
-  bool trace = true;             // keep an IterationReport for each iteration
+  Duration deadline{0};         // comes back at most one stage after it; 0: none
+  bool first_estimates = true;  // Jacobians at first estimates where a prior has fixed them
+  bool trace = true;            // keep an IterationReport for each iteration
   OrderingMethod ordering = OrderingMethod::automatic;
   // Called after each iteration; false stops the solve with the best values so far.
   std::function<bool(const IterationReport&)> callback = {};

@@ -14,31 +14,42 @@ std::string Summary::reason_text() const {
     return std::string(text);
   };
   switch (reason) {
-    case Reason::nothing_to_do: return "no free variable, or no factor: nothing to do";
-    case Reason::function_tolerance: return inequality("cost decrease", "<=", "function_tolerance * cost");
-    case Reason::gradient_tolerance: return inequality("max |gradient|", "<=", "gradient_tolerance");
-    case Reason::step_tolerance: return inequality("max |step|", "<=", "step_tolerance");
-    case Reason::no_descending_step: return inequality("lambda", ">", "largest lambda") + ": no step lowers the cost";
-    case Reason::max_iterations: return inequality("iterations", ">=", "max_iterations");
-    case Reason::deadline: return inequality("seconds", ">", "deadline");
-    case Reason::stopped_by_callback: return "callback() = false";
-    case Reason::diverged: return inequality("cost after the step", ">=", "cost before");
-    case Reason::not_finite: return "the cost or the linear system is not finite";
+    case Reason::nothing_to_do:
+      return "no free variable, or no factor: nothing to do";
+    case Reason::function_tolerance:
+      return inequality("cost decrease", "<=", "function_tolerance * cost");
+    case Reason::gradient_tolerance:
+      return inequality("max |gradient|", "<=", "gradient_tolerance");
+    case Reason::step_tolerance:
+      return inequality("max |step|", "<=", "step_tolerance");
+    case Reason::no_descending_step:
+      return inequality("lambda", ">", "largest lambda") + ": no step lowers the cost";
+    case Reason::max_iterations:
+      return inequality("iterations", ">=", "max_iterations");
+    case Reason::deadline:
+      return inequality("seconds", ">", "deadline");
+    case Reason::stopped_by_callback:
+      return "callback() = false";
+    case Reason::diverged:
+      return inequality("cost after the step", ">=", "cost before");
+    case Reason::not_finite:
+      return "the cost or the linear system is not finite";
   }
   return "";
 }
 
 std::ostream& operator<<(std::ostream& out, const Summary& s) {
   char text[512];
-  std::snprintf(text, sizeof text,
-                "%s after %d iterations (%s): cost %.9g -> %.9g, %lld factors (%lld invalid), %d unknowns, %.3f ms\n"
-                "  stages [ms]: structure %.3f, linearize %.3f, eliminate %.3f, factor %.3f, solve %.3f, evaluate %.3f, "
-                "adopt %.3f\n",
-                s.converged() ? "converged" : "NOT converged", s.iterations, s.reason_text().c_str(), s.initial_cost,
-                s.final_cost, static_cast<long long>(s.factors), static_cast<long long>(s.invalid_factors),
-                s.kept_dim + s.landmark_dim, s.seconds.total * 1e3, s.seconds.structure * 1e3, s.seconds.linearize * 1e3,
-                s.seconds.eliminate * 1e3, s.seconds.factor * 1e3, s.seconds.solve * 1e3, s.seconds.evaluate * 1e3,
-                s.seconds.adopt * 1e3);
+  std::snprintf(
+      text, sizeof text,
+      "%s after %d iterations (%s): cost %.9g -> %.9g, %lld factors (%lld invalid), %d unknowns, %.3f ms\n"
+      "  stages [ms]: structure %.3f, linearize %.3f, eliminate %.3f, factor %.3f, solve %.3f, evaluate %.3f, "
+      "adopt %.3f\n",
+      s.converged() ? "converged" : "NOT converged", s.iterations, s.reason_text().c_str(), s.initial_cost,
+      s.final_cost, static_cast<long long>(s.factors), static_cast<long long>(s.invalid_factors),
+      s.kept_dim + s.landmark_dim, s.seconds.total * 1e3, s.seconds.structure * 1e3, s.seconds.linearize * 1e3,
+      s.seconds.eliminate * 1e3, s.seconds.factor * 1e3, s.seconds.solve * 1e3, s.seconds.evaluate * 1e3,
+      s.seconds.adopt * 1e3);
   out << text;
   if (!s.undetermined.empty()) out << "  " << s.undetermined.size() << " directions that nothing determines\n";
   if (!s.gauge.empty()) out << "  gauge: " << s.gauge.size() << " directions common to all\n";

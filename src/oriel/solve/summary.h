@@ -49,9 +49,9 @@ struct [[nodiscard]] Summary {
   Method method = Method::levenberg_marquardt;
   int iterations = 0, accepted = 0, rejected = 0, linearizations = 0;
   double initial_cost = 0.0;
-  double final_cost = 0.0;  // over the factors that were active at the last accepted point
-  double fresh_cost = 0.0;  // over the factors that are valid at the final values; differs where some changed sides
-  double gradient = 0.0;    // largest entry at the last linearization
+  double final_cost = 0.0;      // over the factors that were active at the last accepted point
+  double fresh_cost = 0.0;      // over the factors that are valid at the final values; differs where some changed sides
+  double gradient = 0.0;        // largest entry at the last linearization
   double predicted_gain = 0.0;  // what the last linear model still promised [cost]
   double lambda = 0.0;
   std::int64_t factors = 0, invalid_factors = 0, not_finite_factors = 0;

@@ -187,7 +187,8 @@ Initialisation Initialiser::start_still(const Standstill& still) const {
   return out;
 }
 
-// Stereo poses of the frames; one that finds too few points is passed over, and the gyroscope turns across it.
+// Stereo poses of the frames since the last gap in the IMU's samples; one that finds too few points is passed over, and
+// the gyroscope turns across it.
 std::vector<Initialiser::Placed> Initialiser::place_frames(const ImuBuffer& imu) const {
   std::vector<Placed> placed;
   StereoOdometry odometry(rig_, options_.initialisation.least_inliers);
@@ -195,8 +196,12 @@ std::vector<Initialiser::Placed> Initialiser::place_frames(const ImuBuffer& imu)
     Rot3d turn;
     if (!placed.empty()) {
       const auto p = preintegrate(imu.samples(), placed.back().pose.time, frames_[k].time, ImuBiasd{}, noise_);
-      if (!p) return {};
-      turn = p->motion.dR;
+      if (p) {
+        turn = p->motion.dR;
+      } else {  // a gap: what comes after it begins anew
+        placed.clear();
+        odometry = StereoOdometry(rig_, options_.initialisation.least_inliers);
+      }
     }
     if (odometry.add(frame(k), turn) >= options_.initialisation.least_inliers)
       placed.push_back({k, odometry.poses().back()});
@@ -207,7 +212,7 @@ std::vector<Initialiser::Placed> Initialiser::place_frames(const ImuBuffer& imu)
 Initialisation Initialiser::start_moving(const ImuBuffer& imu) {
   Initialisation out;
   const std::vector<Placed> placed = place_frames(imu);
-  out.reason = "too few points agree with stereo poses, or IMU samples are missing";
+  out.reason = "too few frames with stereo poses and IMU samples";
   if (placed.size() < static_cast<std::size_t>(options_.initialisation.least_frames)) return out;
   const Duration span = placed.back().pose.time - placed.front().pose.time;
   if (span.ns < options_.initialisation.moving.ns / 2) return out;
