@@ -135,3 +135,11 @@ if(EXISTS ${PROJECT_SOURCE_DIR}/examples/first_program.cc AND CMAKE_BUILD_TYPE S
                    ${PROJECT_BINARY_DIR}/first_program $<$<BOOL:${ORIEL_METIS_LIBRARY}>:-lmetis>)
   set_tests_properties(house.TheFirstProgramCompilesInThreeSeconds PROPERTIES RUN_SERIAL ON TIMEOUT 120)
 endif()
+
+# A wrong type, arity or noise is one clear line from the compiler (V9).
+if(NOT ORIEL_SANITIZE)
+  add_test(NAME house.WrongFactorsAreClearCompileErrors
+           COMMAND bash ${PROJECT_SOURCE_DIR}/tests/solve/compile_fail.sh ${CMAKE_CXX_COMPILER} ${oriel_source_root}
+                   ${PROJECT_BINARY_DIR}/compile_fail)
+  set_tests_properties(house.WrongFactorsAreClearCompileErrors PROPERTIES TIMEOUT 300)
+endif()

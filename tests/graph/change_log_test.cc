@@ -15,7 +15,7 @@ using testing_graph::RandomGraph;
 
 // A graph that follows another.
 struct Follower {
-  explicit Follower(Graph& origin) : origin(origin), subscription(origin.subscribe()) {}
+  explicit Follower(Graph& followed) : origin(followed), subscription(followed.subscribe()) {}
   // The net edit is applied; what it said stays in `edit`.
   void look() {
     origin.collect(subscription, edit);
