@@ -16,7 +16,7 @@ namespace {
 // Rows of a CSV file with a header line: the stamp [ns], then N numbers.
 template <int N>
 std::vector<std::pair<Time, Vec<double, N>>> read_csv(const std::string& name) {
-  std::ifstream in(std::string(ORIEL_SHARED_DIR) + "/data/vio/euroc_imu_gt/" + name);
+  std::ifstream in(std::string(ORIEL_SHARED_DIR) + "/vio/euroc_imu_gt/" + name);
   std::vector<std::pair<Time, Vec<double, N>>> rows;
   std::string line;
   std::getline(in, line);

@@ -44,6 +44,8 @@ void Channel::abandon() {
 }
 
 Result<void> Channel::send(std::span<const std::byte> messages) {
+  // poll() would wait for ever on a socket that is not there.
+  if (socket_ < 0) return Error{ErrorCode::io, "send: the channel is closed"};
   while (!messages.empty()) {
     pollfd p{socket_, POLLIN | POLLOUT, 0};
     if (::poll(&p, 1, -1) < 0) {
