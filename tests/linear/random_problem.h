@@ -212,7 +212,7 @@ struct System {
     point.take(graph);
     linearizer.first_estimates = false;
     linearizer.evaluate(graph, structure, point, nullptr, active, pool);
-    linearizer.linearize(graph, structure, point, numbers, pool);
+    linearizer.linearize(graph, structure, point, &active, numbers, pool);
     schur.prepare(structure);
   }
   Eigen::VectorXd gradient() const {

@@ -117,7 +117,7 @@ TEST(LinearStructure, FollowsTheGraphThroughRandomEdits) {  // L2
     System fresh(p.graph);
     ASSERT_EQ(reused.dim(), fresh.structure.dim());
     LinearSystem numbers;
-    fresh.linearizer.linearize(p.graph, reused, fresh.point, numbers, nullptr);
+    fresh.linearizer.linearize(p.graph, reused, fresh.point, nullptr, numbers, nullptr);
     ASSERT_EQ(numbers.gradient, fresh.numbers.gradient);
     ASSERT_EQ(numbers.diagonal, fresh.numbers.diagonal);
     ASSERT_EQ(reused.landmark_pairs().size(), fresh.structure.landmark_pairs().size());

@@ -32,6 +32,7 @@ struct FactorOps {
   int dim = 0;
   std::span<const VariableOps* const> variables;
   std::uint32_t measurement_bytes = 0, noise_bytes = 0;
+  bool packed = false;  // whether its rows are evaluated eight at a time: both then are doubles alone
   void (*linearize)(const RowPointers&, Batch&) noexcept = nullptr;
   bool (*finite)(const void* measurement) = nullptr;
   bool (*noise_valid)(const void* noise) = nullptr;
@@ -117,6 +118,7 @@ inline constexpr FactorOps kFactorOps = {R::kName,
                                          detail::OpsOf<typename R::Variables>::kOps,
                                          sizeof(R),
                                          sizeof(Noise),
+                                         kEvaluatedInPacks<R>,
                                          &linearize_rows<R, Noise>,
                                          [](const void* m) { return all_finite(*static_cast<const R*>(m)); },
                                          [](const void* n) { return static_cast<const Noise*>(n)->valid(); }};

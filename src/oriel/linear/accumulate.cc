@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "oriel/linear/accumulate_landmarks.h"
 #include "oriel/linear/accumulate_runs.h"
 #include "oriel/linear/lanes.h"
 #include "oriel/linear/linearize.h"
@@ -147,9 +148,11 @@ class Group {
   void run() {
     const std::size_t n = plan_.arguments.size();
     std::size_t pair = 0;
+    const std::size_t landmark = static_cast<std::size_t>(plan_.landmark_argument);  // its products are summed already
     for (std::size_t a = 0; a < n; ++a) {
-      gradient(a);
-      for (std::size_t b = 0; b <= a; ++b, ++pair) product(a, b, pair);
+      if (a != landmark) gradient(a);
+      for (std::size_t b = 0; b <= a; ++b, ++pair)
+        if (a != landmark && b != landmark) product(a, b, pair);
     }
   }
 
@@ -227,72 +230,12 @@ class Group {
   std::int64_t& fallbacks_;
 };
 
-// The same for rows in runs: what concerns their landmarks. Tables with a landmark
-// that is kept have no runs.
-class LandmarkGroup {
- public:
-  LandmarkGroup(const LinearStructure& structure, const TablePlan& plan, std::size_t first, int lane,
-                const Batch& batch, LinearSystem& out)
-      : plan_(plan), row_(first + lane), lane_(lane), batch_(batch), out_(out) {
-    const int lanes = std::min(kLanes, batch.rows - lane);
-    for (int l = 0; l < lanes; ++l)
-      if ((batch.valid >> (lane + l) & 1) != 0 && plan.landmark[row_ + l] >= 0)
-        block_[l] = &structure.landmarks()[plan.landmark[row_ + l]];
-  }
-
-  void run() {
-    const std::size_t n = plan_.arguments.size();
-    std::size_t m = 0;
-    while (!plan_.arguments[m].landmark_type) ++m;
-    const int dim = plan_.arguments[m].dim;
-    const double* j = columns(m);
-    Destinations to;
-    for (int l = 0; l < kLanes; ++l)
-      if (block_[l] != nullptr) to[l] = {out_.gradient.data() + block_[l]->offset, dim, PairAddress::Kind::stored};
-    multiply_add(dim, 1, j, batch_.r + lane_, to);
-    for (int l = 0; l < kLanes; ++l)
-      if (block_[l] != nullptr) to[l].to = out_.landmarks.data() + block_[l]->v();
-    multiply_add(dim, dim, j, j, to);
-    for (std::size_t a = 0; a < n; ++a) {
-      if (a == m) continue;
-      for (int l = 0; l < kLanes; ++l) {
-        if (block_[l] == nullptr) continue;
-        const bool kept = plan_.targets[(row_ + l) * n + a].kind == Target::Kind::kept;
-        to[l] = {kept ? out_.landmarks.data() + block_[l]->w() + plan_.panel_row[(row_ + l) * n + a] : nullptr,
-                 block_[l]->rows, kept ? PairAddress::Kind::stored : PairAddress::Kind::none};
-      }
-      multiply_add(plan_.arguments[a].dim, dim, columns(a), j, to);
-    }
-  }
-
- private:
-  const double* columns(std::size_t a) const {
-    return batch_.J + plan_.arguments[a].column * batch_.dim * kStride + lane_;
-  }
-  void multiply_add(int da, int db, const double* a, const double* b, const Destinations& to) const {
-    if (const Kernel kernel = find_kernel(da, db))
-      kernel(a, b, batch_.dim, to);
-    else
-      pair_fallback(da, db, a, b, batch_.dim, to);
-  }
-
-  const TablePlan& plan_;
-  std::size_t row_;
-  int lane_;
-  const Batch& batch_;
-  LinearSystem& out_;
-  std::array<const LandmarkBlock*, kLanes> block_{};
-};
-
 }  // namespace
 
 void accumulate(const LinearStructure& structure, const TablePlan& plan, std::size_t first, const Batch& batch,
                 LinearSystem& out, std::int64_t& kernel_fallbacks) {
-  if (!plan.runs.empty()) {  // what concerns kept variables alone is summed by runs
-    accumulate_runs(plan, first, batch, out);
-    for (int lane = 0; lane < batch.rows; lane += kLanes) LandmarkGroup(structure, plan, first, lane, batch, out).run();
-    return;
-  }
+  if (plan.landmark_argument >= 0) accumulate_landmarks(structure, plan, first, batch, out, kernel_fallbacks);
+  if (!plan.runs.empty()) return accumulate_runs(plan, first, batch, out);
   for (int lane = 0; lane < batch.rows; lane += kLanes)
     Group(structure, plan, first, lane, batch, out, kernel_fallbacks).run();
 }

@@ -81,7 +81,18 @@ constexpr std::array<Kernel, 5> kernels_of() {
 constexpr std::array<std::array<Kernel, 5>, 5> kKernels = {kernels_of<1>(), kernels_of<2>(), kernels_of<3>(),
                                                            kernels_of<6>(), kernels_of<9>()};
 
+// Columns of one variable: blocks above the diagonal are not wanted. Six columns are two threes.
+void square_six(const double* a, int dim, int count, Product& out) {
+  double sums[24];
+  sum_columns<6, 3>(a, a, dim, count, sums);
+  std::copy_n(sums, 18, out.entries);
+  const double* b = a + 3 * dim * kStride;
+  sum_columns<3, 3>(b, b, dim, count, sums);
+  for (int c = 0; c < 3; ++c) std::copy_n(sums + 3 * c, 3, out.entries + 6 * (3 + c) + 3);
+}
+
 void multiply(int da, int db, const double* a, const double* b, int dim, int count, Product& out) {
+  if (a == b && da == 6) return square_six(a, dim, count, out);
   const int x = da <= kLargestDim ? kIndexOfDim[da] : -1, y = db <= kLargestDim ? kIndexOfDim[db] : -1;
   if (x >= 0 && y >= 0)
     kKernels[x][y](a, b, dim, count, out);
@@ -89,15 +100,14 @@ void multiply(int da, int db, const double* a, const double* b, int dim, int cou
     run_fallback(da, db, a, b, dim, count, out.entries);
 }
 
-void add(const Product& p, int da, int db, const PairAddress& at, double* h) {
-  for (int c = 0; c < db; ++c)
-    for (int i = 0; i < da; ++i) {
-      const double x = p.entries[c * da + i];
-      const std::int64_t stored = at.offset + std::int64_t{c} * at.ld + i,
-                         turned = at.offset + std::int64_t{i} * at.ld + c;
-      if (at.kind != PairAddress::Kind::transposed) h[stored] += x;
-      if (at.kind != PairAddress::Kind::stored) h[turned] += x;
-    }
+// Blocks on the diagonal are added from the diagonal down alone.
+void add(const Product& p, int da, int db, bool lower, const PairAddress& at, double* h) {
+  if (at.kind != PairAddress::Kind::transposed)
+    for (int c = 0; c < db; ++c)
+      for (int i = lower ? c : 0; i < da; ++i) h[at.offset + std::int64_t{c} * at.ld + i] += p.entries[c * da + i];
+  if (at.kind != PairAddress::Kind::stored)
+    for (int i = 0; i < da; ++i)
+      for (int c = 0; c < db; ++c) h[at.offset + std::int64_t{i} * at.ld + c] += p.entries[c * da + i];
 }
 
 void accumulate_run(const TablePlan& plan, const TablePlan::Run& run, const Batch& batch, LinearSystem& out) {
@@ -118,7 +128,7 @@ void accumulate_run(const TablePlan& plan, const TablePlan::Run& run, const Batc
       if (!kept || plan.arguments[b].landmark_type || pair->kind == PairAddress::Kind::none) continue;
       const int db = plan.arguments[b].dim;
       multiply(da, db, columns(a), columns(b), batch.dim, count, product);
-      add(product, da, db, *pair, out.h.data());
+      add(product, da, db, a == b, *pair, out.h.data());
     }
   }
 }

@@ -163,12 +163,14 @@ BlockMatrix hessian(const Graph& graph, const LinearStructure& structure, const 
     const double* data = system.landmarks.data();
     h.add_variable(id, l.dim);
     h.set(id, id, std::span(data + l.v(), static_cast<std::size_t>(l.dim * l.dim)));
-    const double* w = data + l.w();  // one row of blocks after the other, l.rows scalars in all
+    std::int64_t row = 0;  // of W: blocks stand one after the other, or where the panel has them
     for (int k = 0; k < l.neighbours; ++k) {
-      const VariableKey kept =
-          ids[static_cast<std::size_t>(structure.neighbours()[static_cast<std::size_t>(l.first_neighbour + k)])];
-      h.set(kept, id, copy_block(w, {0, l.rows, false}, h.dim(kept), l.dim));
-      w += h.dim(kept);
+      const int at = structure.neighbours()[static_cast<std::size_t>(l.first_neighbour + k)];
+      const VariableKey kept = ids[static_cast<std::size_t>(at)];
+      if (structure.landmark_panel())
+        row = structure.kept()[static_cast<std::size_t>(at)].offset - structure.first_scalar();
+      h.set(kept, id, copy_block(data + l.w(), {row, l.rows, false}, h.dim(kept), l.dim));
+      row += h.dim(kept);
     }
   }
   return h;

@@ -10,8 +10,7 @@
 namespace oriel {
 namespace {
 
-constexpr int kPanelColumns = 96;   // of Z at once: with 64 rows it stays in the first-level cache's neighbour
-constexpr int kLargestPanel = 640;  // kept scalars up to which the tall matrix is considered
+constexpr int kPanelColumns = 96;  // of Z at once: with 64 rows it stays in the first-level cache's neighbour
 constexpr double kRelativePivot = 1e-13;
 constexpr int kLargestLandmark = 3;
 
@@ -62,10 +61,11 @@ void make_z(const SmallCholesky& c, const double* __restrict w, int rows, double
   for (int j = 0; j < c.n; ++j) {
     double* zj = z + j * ld;
     const double* wj = w + static_cast<std::int64_t>(j) * rows;
-    for (int i = 0; i < rows; ++i) zj[i] = wj[i];
-    for (int k = 0; k < j; ++k)
-      for (int i = 0; i < rows; ++i) zj[i] -= z[k * ld + i] * c.l[j][k];
-    for (int i = 0; i < rows; ++i) zj[i] *= c.inverse[j];
+    for (int i = 0; i < rows; ++i) {
+      double x = wj[i];
+      for (int k = 0; k < j; ++k) x -= z[k * ld + i] * c.l[j][k];
+      zj[i] = x * c.inverse[j];
+    }
   }
 }
 
@@ -140,27 +140,15 @@ BlockKernel find_kernel(int d, int l) {
 }  // namespace
 
 void LandmarkSchur::prepare(const LinearStructure& structure) {
-  const auto& kept = structure.kept();
-  first_seen_ = 0;
-  while (first_seen_ < static_cast<int>(kept.size()) && !kept[first_seen_].sees_landmarks) ++first_seen_;
-  first_scalar_ = first_seen_ < static_cast<int>(kept.size()) ? kept[first_seen_].offset : structure.kept_dim();
-  panel_rows_ = structure.kept_dim() - first_scalar_;
-  double sparse = 0.0, tall = 0.0;
-  for (const LandmarkBlock& l : structure.landmarks()) {
-    sparse += double(l.dim) * l.rows * (l.rows + 1);
-    tall += double(l.dim) * (panel_rows_ + 1) * (panel_rows_ + 2);
-  }
-  // One product runs several times faster than scattered blocks.
-  dense_ = !structure.landmarks().empty() && panel_rows_ <= kLargestPanel && tall <= 4.0 * sparse;
-  flops_ = dense_ ? tall : sparse;
+  const double flops = structure.landmark_flops();
   const int n = static_cast<int>(structure.landmarks().size());
-  slices_ = !dense_ && sparse > 4e6 ? 2 : 1;
+  slices_ = !structure.landmark_panel() && flops > 4e6 ? 2 : 1;
   cuts_.assign(1, 0);
   double done = 0.0;
   for (int i = 0; i < n && static_cast<int>(cuts_.size()) < slices_; ++i) {
     const LandmarkBlock& l = structure.landmarks()[i];
     done += double(l.dim) * l.rows * (l.rows + 1);
-    if (done >= sparse * static_cast<double>(cuts_.size()) / slices_) cuts_.push_back(i + 1);
+    if (done >= flops * static_cast<double>(cuts_.size()) / slices_) cuts_.push_back(i + 1);
   }
   while (static_cast<int>(cuts_.size()) < slices_) cuts_.push_back(n);
   cuts_.push_back(n);
@@ -174,10 +162,11 @@ void LandmarkSchur::prepare(const LinearStructure& structure) {
   for (auto& z : slice_z_)
     if (static_cast<int>(z.size()) < largest) z.resize(largest);
   if (slices_ > 1) slice_s_.reserve((slices_ - 1) * structure.factorization().storage_size());
-  if (dense_) {
-    const std::int64_t ld = dense::leading_dimension(panel_rows_ + 1);
+  if (structure.landmark_panel()) {
+    const int rows = structure.panel_rows() + 1;
+    const std::int64_t ld = dense::leading_dimension(rows);
     panel_.reserve(ld * (kPanelColumns + kLargestLandmark));
-    product_.reserve(ld * (panel_rows_ + 1 + 8));
+    product_.reserve(ld * (rows + 8));
   }
 }
 
@@ -188,7 +177,7 @@ void LandmarkSchur::reduce(const LinearStructure& structure, const LinearSystem&
   std::copy_n(system.h.data(), size, s);
   for (int i = 0; i < structure.kept_dim(); ++i) rhs[i] = -system.gradient[i];
   if (structure.landmarks().empty()) return;
-  if (dense_) return reduce_panel(structure, system, damping, s, rhs);
+  if (structure.landmark_panel()) return reduce_panel(structure, system, damping, s, rhs);
   parallel_for(pool, slices_, [&](int k, int) {
     double* sk = k == 0 ? s : slice_s_.data() + (k - 1) * size;
     if (k > 0) std::fill_n(sk, size, 0.0);
@@ -258,10 +247,10 @@ void LandmarkSchur::subtract_pairs(const LinearStructure& structure, const Landm
   }
 }
 
+// Landmarks side by side: columns of Z are those of W L⁻ᵀ, and a last row is the right-hand side.
 void LandmarkSchur::reduce_panel(const LinearStructure& structure, const LinearSystem& system, const double* damping,
                                  double* s, double* rhs) {
-  const auto& kept = structure.kept();
-  const int rows = panel_rows_ + 1;  // the last row is the right-hand side
+  const int panel_rows = structure.panel_rows(), rows = panel_rows + 1;
   const std::int64_t ld = dense::leading_dimension(rows);
   double* z = panel_.data();
   std::fill_n(product_.data(), ld * rows, 0.0);
@@ -279,21 +268,11 @@ void LandmarkSchur::reduce_panel(const LinearStructure& structure, const LinearS
     for (int k = 0; k < l.dim; ++k) y[k] = -system.gradient[l.offset + k];
     c.forward(y);
     double* zl = z + columns * ld;
-    std::fill_n(zl, ld * l.dim, 0.0);
-    int row = 0;
-    for (int a = 0; a < l.neighbours; ++a) {
-      const KeptBlock& x = kept[structure.neighbours()[l.first_neighbour + a]];
-      const double* w = data + l.w() + row;
-      double* za = zl + x.offset - first_scalar_;
-      for (int i = 0; i < x.dim; ++i) {
-        double t[kLargestLandmark];
-        for (int k = 0; k < l.dim; ++k) t[k] = w[std::int64_t{k} * l.rows + i];
-        c.forward(t);
-        for (int k = 0; k < l.dim; ++k) za[k * ld + i] = t[k];
-      }
-      row += x.dim;
-    }
-    for (int k = 0; k < l.dim; ++k) zl[k * ld + panel_rows_] = y[k];
+    const VecN<8> zero = {};
+    for (int k = 0; k < l.dim; ++k)  // rows below the last are read by whole vectors
+      for (std::int64_t i = dense::round_down_8(rows); i < ld; i += 8) std::memcpy(zl + k * ld + i, &zero, sizeof zero);
+    make_z(c, data + l.w(), panel_rows, zl, ld);
+    for (int k = 0; k < l.dim; ++k) zl[k * ld + panel_rows] = y[k];
     columns += l.dim;
     if (columns >= kPanelColumns) flush();
   }
@@ -304,32 +283,34 @@ void LandmarkSchur::reduce_panel(const LinearStructure& structure, const LinearS
 // The product holds -Z Zᵀ; its last row -Z y.
 void LandmarkSchur::subtract_panel(const LinearStructure& structure, double* s, double* rhs) {
   const auto& kept = structure.kept();
-  const std::int64_t ld = dense::leading_dimension(panel_rows_ + 1);
-  for (int i = first_seen_; i < static_cast<int>(kept.size()); ++i)
-    for (int j = first_seen_; j <= i; ++j) {
+  const int first = structure.first_seen(), scalar = structure.first_scalar(), panel_rows = structure.panel_rows();
+  const std::int64_t ld = dense::leading_dimension(panel_rows + 1);
+  for (int i = first; i < static_cast<int>(kept.size()); ++i)
+    for (int j = first; j <= i; ++j) {
       if (!structure.factorization().has(i, j)) continue;
       const BlockAddress at = structure.address(i, j);
-      const double* p = product_.data() + (kept[j].offset - first_scalar_) * ld + (kept[i].offset - first_scalar_);
+      const double* p = product_.data() + (kept[j].offset - scalar) * ld + (kept[i].offset - scalar);
       for (int c = 0; c < kept[j].dim; ++c)
         for (int r = 0; r < kept[i].dim; ++r)
           s[at.offset + (at.transposed ? std::int64_t{r} * at.ld + c : std::int64_t{c} * at.ld + r)] += p[c * ld + r];
     }
-  for (int i = 0; i < panel_rows_; ++i) rhs[first_scalar_ + i] += product_.data()[i * ld + panel_rows_];
+  for (int i = 0; i < panel_rows; ++i) rhs[scalar + i] += product_.data()[i * ld + panel_rows];
 }
 
 void LandmarkSchur::back_substitute(const LinearStructure& structure, const LinearSystem& system, const double* damping,
                                     double* step, TaskPool* pool) {
   const auto& kept = structure.kept();
   parallel_for(pool, slices_, [&](int slice, int) {
-    double* near = slice_z_[slice].data();  // the step of a landmark's neighbours, side by side
+    double* gathered = slice_z_[slice].data();  // the step of a landmark's neighbours, side by side
     for (int n = cuts_[slice]; n < cuts_[slice + 1]; ++n) {
       const LandmarkBlock& l = structure.landmarks()[n];
       const double* data = system.landmarks.data();
       const SmallCholesky c(data + l.v(), damping + l.offset, l.dim);
+      const double* near = structure.landmark_panel() ? step + structure.first_scalar() : gathered;
       int row = 0;
-      for (int a = 0; a < l.neighbours; ++a) {
+      for (int a = 0; near == gathered && a < l.neighbours; ++a) {
         const KeptBlock& b = kept[structure.neighbours()[l.first_neighbour + a]];
-        for (int i = 0; i < b.dim; ++i) near[row + i] = step[b.offset + i];
+        for (int i = 0; i < b.dim; ++i) gathered[row + i] = step[b.offset + i];
         row += b.dim;
       }
       double x[kLargestLandmark];

@@ -21,8 +21,6 @@ class LandmarkSchur {
   void back_substitute(const LinearStructure& structure, const LinearSystem& system, const double* damping,
                        double* step, TaskPool* pool);
 
-  bool dense() const { return dense_; }
-  double flops() const { return flops_; }
   // Scalars of landmarks that nothing determines at the last reduce: their component of the step is 0.
   const std::vector<int>& undetermined() const { return undetermined_; }
 
@@ -35,9 +33,6 @@ class LandmarkSchur {
                     double* rhs);
   void subtract_panel(const LinearStructure& structure, double* s, double* rhs);
 
-  bool dense_ = false;
-  double flops_ = 0.0;
-  int first_seen_ = 0, first_scalar_ = 0, panel_rows_ = 0;  // kept blocks from first_seen_ on see landmarks
   int slices_ = 1;
   std::vector<int> cuts_;  // landmarks of slice k: [cuts_[k], cuts_[k + 1])
   AlignedBuffer panel_, product_, slice_s_;

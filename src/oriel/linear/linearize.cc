@@ -7,6 +7,7 @@
 
 #include "oriel/linear/accumulate.h"
 #include "oriel/linear/dot.h"
+#include "oriel/linear/row_pointers.h"
 
 namespace oriel {
 namespace {
@@ -24,90 +25,142 @@ std::int64_t doubles_of(const TablePlan& plan, bool jacobians) {
 
 }  // namespace
 
+// Batch `index` of a plan; before it stand `before` batches of other plans, whose residuals take up `residuals`
+// doubles.
+struct Linearizer::Place {
+  std::size_t plan = 0, index = 0, before = 0;
+  std::int64_t residuals = 0;
+};
+
 // Pointers to what the rows of a batch need, and the call to the one function that knows their types.
-void Linearizer::run_batch(const Graph& graph, const TablePlan& plan, const Point& point, std::size_t first,
-                           bool jacobians, double* r, double* j, Batch& batch) const {
+void Linearizer::run_batch(const Graph& graph, const TablePlan& plan, const Point& point, const Place& place,
+                           const ActiveSet* evaluated, double* r, double* j, Batch& batch) const {
   const FactorTable& table = *plan.table;
-  const std::size_t n = std::min(kRows, plan.rows.size() - first), arity = static_cast<std::size_t>(table.arity());
-  const void *measurement[kRows], *noise[kRows], *at[16 * kRows], *estimate[16 * kRows];
-  const Loss* loss[kRows];
-  for (std::size_t l = 0; l < kRows; ++l) {  // past the end: the last row again
-    const std::uint32_t row = plan.rows[first + std::min(l, n - 1)];
-    measurement[l] = table.measurement(row);
-    noise[l] = table.noise(row);
-    loss[l] = &table.loss(row);
-  }
-  const auto refs = table.variables(plan.rows[first]);  // pools are the same in every row
-  bool apart = false;
-  for (std::size_t k = 0; k < arity; ++k) {
-    const std::uint32_t p = refs[k].pool;
-    const VariablePool& pool = *graph.pools()[p];
-    const std::byte* column = point.column(p);
-    const std::size_t bytes = pool.ops().bytes;
-    const bool estimates = jacobians && first_estimates && pool.first_estimate_count() > 0;
-    for (std::size_t l = 0; l < kRows; ++l) {
-      const std::uint32_t d = plan.dense[(first + std::min(l, n - 1)) * arity + k];
-      at[k * kRows + l] = estimate[k * kRows + l] = column + d * bytes;
-      if (estimates && pool.has_first_estimate(d)) estimate[k * kRows + l] = pool.first_estimate(d), apart = true;
-    }
-  }
+  const std::size_t first = place.index * kRows, arity = static_cast<std::size_t>(table.arity());
+  const std::size_t n = std::min(kRows, plan.rows.size() - first);
+  RowPointerArrays arrays;
   RowPointers rows;
-  rows.rows = static_cast<int>(n);
-  rows.active = plan.active[first / kRows];
-  rows.measurement = measurement;
-  rows.noise = noise;
-  rows.loss = table.robust() ? loss : nullptr;
-  rows.at = at;
-  rows.jacobian_at = apart ? estimate : at;
+  rows.robust = table.robust();
+  if (table.ops().packed)
+    rows.packed = packed_[place.plan].numbers.data() + first * packed_[place.plan].packs;
+  else
+    point_measurements(
+        table, n, [&](std::size_t l) { return plan.rows[first + l]; }, arrays, rows);
+  auto dense = [&](std::size_t l, std::size_t k) { return plan.dense[(first + l) * arity + k]; };
+  point_values(graph, table.variables(plan.rows[first]), n, &point, j != nullptr && first_estimates, dense, arrays,
+               rows);
+  rows.active = plan.active[place.index];
+  EvaluatedRows before;
+  if (evaluated != nullptr && evaluated->has_residuals) {
+    const std::size_t at = place.before + place.index;
+    const std::int64_t each = doubles_of(plan, false);
+    before = {evaluated->valid[at], evaluated->residuals.data() + place.residuals + each * std::int64_t(place.index),
+              table.robust() ? &evaluated->weight[at * kRows] : nullptr, &evaluated->cost[at * kRows]};
+    rows.evaluated = &before;
+  }
   batch.r = r;
-  batch.J = jacobians ? j : nullptr;
+  batch.J = j;
   table.ops().linearize(rows, batch);
 }
 
 void Linearizer::evaluate(const Graph& graph, const LinearStructure& structure, const Point& point,
                           const ActiveSet* frozen, ActiveSet& out, TaskPool* pool) {
+  lay_out(graph, structure, out);
+  if (pool != nullptr && scratch_.size() < static_cast<std::size_t>(pool->workers())) scratch_.resize(pool->workers());
+  out.total = out.prior_cost = prior_cost(graph, structure, point);
+  Place place;
+  for (std::size_t t = 0; t < structure.plan_count(); ++t) {
+    place.plan = t;
+    const TablePlan& plan = structure.plans()[t];
+    const std::size_t batches = batches_of(plan);
+    const std::int64_t each = doubles_of(plan, false);
+    for (AlignedBuffer& s : scratch_) s.reserve(each);
+    parallel_for(pool, static_cast<int>(batches), [&](int b, int worker) {
+      Place at = place;
+      at.index = static_cast<std::size_t>(b);
+      double* r = out.has_residuals ? out.residuals.data() + at.residuals + each * b : scratch_[worker].data();
+      Batch batch;
+      run_batch(graph, plan, point, at, nullptr, r, nullptr, batch);
+      keep(batch, plan.table->robust(), at.before + at.index, frozen, out);
+    });
+    for (std::size_t b = 0; b < batches; ++b) {  // sums in the order of batches, whoever computed them
+      double sum = 0.0;
+      for (std::size_t l = 0; l < kRows; ++l) sum += out.cost[(place.before + b) * kRows + l];
+      out.total += sum;
+      out.invalid += std::popcount(plan.active[b]) - std::popcount(out.valid[place.before + b]);
+      out.not_finite += std::popcount(out.not_finite_mask[place.before + b]);
+    }
+    place.before += batches;
+    place.residuals += each * static_cast<std::int64_t>(batches);
+  }
+}
+
+// What rows measured does not change while they live: a cache, made once a structure.
+void Linearizer::pack_measurements(const LinearStructure& structure) {
+  if (packed_structure_ == structure.version()) return;
+  packed_structure_ = structure.version();
+  if (packed_.size() < structure.plan_count()) packed_.resize(structure.plan_count());
+  for (std::size_t t = 0; t < structure.plan_count(); ++t) {
+    const TablePlan& plan = structure.plans()[t];
+    const FactorTable& table = *plan.table;
+    if (!table.ops().packed) continue;
+    const int measurement = static_cast<int>(table.ops().measurement_bytes / sizeof(double)),
+              noise = static_cast<int>(table.ops().noise_bytes / sizeof(double));
+    Packed& packed = packed_[t];
+    packed.packs = static_cast<std::size_t>(measurement + noise + (table.robust() ? 2 : 0));
+    constexpr std::size_t kPastTheEnd = 2 * Pack::kLanes;  // where a reader finds the losses that are not there
+    packed.numbers.reserve(static_cast<std::int64_t>((plan.rows.size() + Pack::kLanes) * packed.packs + kPastTheEnd));
+    RowPointerArrays arrays;
+    RowPointers rows;
+    for (std::size_t g = 0; g < plan.rows.size(); g += Pack::kLanes) {
+      const std::size_t n = std::min(std::size_t{Pack::kLanes}, plan.rows.size() - g);
+      point_measurements(
+          table, n, [&](std::size_t l) { return plan.rows[g + l]; }, arrays, rows);
+      pack_rows(rows.measurement, measurement, rows.noise, noise, table.robust() ? rows.loss : nullptr,
+                packed.numbers.data() + g * packed.packs);
+    }
+  }
+}
+
+// Room for all batches.
+void Linearizer::lay_out(const Graph& graph, const LinearStructure& structure, ActiveSet& out) {
   std::size_t count = 0;
-  for (std::size_t t = 0; t < structure.plan_count(); ++t) count += batches_of(structure.plans()[t]);
+  std::int64_t doubles = 0;
+  for (std::size_t t = 0; t < structure.plan_count(); ++t) {
+    const TablePlan& plan = structure.plans()[t];
+    count += batches_of(plan);
+    doubles += doubles_of(plan, false) * static_cast<std::int64_t>(batches_of(plan));
+  }
   out.valid.assign(count, 0);
   out.not_finite_mask.assign(count, 0);
   out.cost.resize(count * kRows);
   out.invalid = out.not_finite = 0;
-  const std::size_t workers = pool != nullptr ? static_cast<std::size_t>(pool->workers()) : 1;
-  if (scratch_.size() < workers) scratch_.resize(workers);
-  out.prior_cost = prior_cost(graph, structure, point);
-  out.total = out.prior_cost;
-  std::size_t base = 0;
-  for (std::size_t t = 0; t < structure.plan_count(); ++t) {
-    const TablePlan& plan = structure.plans()[t];
-    const std::size_t batches = batches_of(plan);
-    for (AlignedBuffer& s : scratch_) s.reserve(doubles_of(plan, false));
-    auto one = [&](int b, int worker) {
-      Batch batch;
-      run_batch(graph, plan, point, b * kRows, false, scratch_[worker].data(), nullptr, batch);
-      const std::size_t at = base + b;
-      out.valid[at] = batch.valid;
-      out.not_finite_mask[at] = batch.not_finite;
-      double* cost = &out.cost[at * kRows];
-      std::copy_n(batch.cost, batch.rows, cost);
-      std::fill(cost + batch.rows, cost + kRows, 0.0);
-      if (frozen == nullptr) return;
-      for (int l = 0; l < batch.rows; ++l) {
-        const bool counts = (frozen->valid[at] >> l) & 1, valid = (batch.valid >> l) & 1;
-        if (!counts)
-          cost[l] = 0.0;
-        else if (!valid)
-          cost[l] = frozen->cost[at * kRows + l];
-      }
-    };
-    parallel_for(pool, static_cast<int>(batches), one);
-    for (std::size_t b = 0; b < batches; ++b) {  // sums in the order of batches, whoever computed them
-      double sum = 0.0;
-      for (std::size_t l = 0; l < kRows; ++l) sum += out.cost[(base + b) * kRows + l];
-      out.total += sum;
-      out.invalid += std::popcount(plan.active[b]) - std::popcount(out.valid[base + b]);
-      out.not_finite += std::popcount(out.not_finite_mask[base + b]);
-    }
-    base += batches;
+  out.has_residuals = first_estimates && std::any_of(graph.pools().begin(), graph.pools().end(),
+                                                     [](const auto& p) { return p->first_estimate_count() > 0; });
+  if (out.has_residuals) {
+    out.residuals.reserve(doubles);
+    out.weight.resize(count * kRows);
+  }
+  if (scratch_.empty()) scratch_.resize(1);
+  pack_measurements(structure);
+}
+
+// What a batch came to, as batch `at` of all. Of a frozen set's factors, one that is invalid here is charged its old
+// cost, and no other counts (decision 12).
+void Linearizer::keep(const Batch& batch, bool robust, std::size_t at, const ActiveSet* frozen, ActiveSet& out) {
+  out.valid[at] = batch.valid;
+  out.not_finite_mask[at] = batch.not_finite;
+  double* cost = &out.cost[at * kRows];
+  std::copy_n(batch.cost, batch.rows, cost);
+  std::fill(cost + batch.rows, cost + kRows, 0.0);
+  if (out.has_residuals && robust) std::copy_n(batch.weight, kRows, &out.weight[at * kRows]);
+  if (frozen == nullptr || frozen->valid[at] == batch.valid) return;
+  for (int l = 0; l < batch.rows; ++l) {
+    const bool counts = (frozen->valid[at] >> l) & 1, valid = (batch.valid >> l) & 1;
+    if (!counts)
+      cost[l] = 0.0;
+    else if (!valid)
+      cost[l] = frozen->cost[at * kRows + l];
   }
 }
 
@@ -117,10 +170,11 @@ void Linearizer::lay_out(const LinearStructure& structure) {
     largest = std::max(largest, doubles_of(structure.plans()[t], true));
   if (scratch_.empty()) scratch_.resize(1);
   scratch_[0].reserve(largest);
+  pack_measurements(structure);
 }
 
-void Linearizer::linearize(const Graph& graph, const LinearStructure& structure, const Point& point, LinearSystem& out,
-                           TaskPool* pool) {
+void Linearizer::linearize(const Graph& graph, const LinearStructure& structure, const Point& point,
+                           const ActiveSet* evaluated, LinearSystem& out, TaskPool* pool) {
   const std::int64_t h = structure.factorization().storage_size();
   out.h.reserve(h);
   out.landmarks.reserve(structure.landmark_store());
@@ -136,45 +190,58 @@ void Linearizer::linearize(const Graph& graph, const LinearStructure& structure,
   lay_out(structure);
   add_prior_gradients(graph, structure, point, out);
   if (pool != nullptr && pool->workers() > 1)
-    linearize_apart(graph, structure, point, out, pool);
+    linearize_apart(graph, structure, point, evaluated, out, pool);
   else
-    linearize_in_turn(graph, structure, point, out);
+    linearize_in_turn(graph, structure, point, evaluated, out);
   copy_diagonal(structure, out);
+  for (const LandmarkBlock& l : structure.landmarks())
+    for (int k = 0; k < l.dim; ++k) out.gradient[l.offset + k] += out.landmarks.data()[l.g() + k];
 }
 
 void Linearizer::linearize_in_turn(const Graph& graph, const LinearStructure& structure, const Point& point,
-                                   LinearSystem& out) {
+                                   const ActiveSet* evaluated, LinearSystem& out) {
+  Place place;
   for (std::size_t t = 0; t < structure.plan_count(); ++t) {
+    place.plan = t;
     const TablePlan& plan = structure.plans()[t];
+    const std::size_t batches = batches_of(plan);
     double* r = scratch_[0].data();
     double* j = r + doubles_of(plan, false);
-    for (std::size_t first = 0; first < plan.rows.size(); first += kRows) {
+    for (place.index = 0; place.index < batches; ++place.index) {
       Batch batch;
-      run_batch(graph, plan, point, first, true, r, j, batch);
+      run_batch(graph, plan, point, place, evaluated, r, j, batch);
       not_finite_ += std::popcount(batch.not_finite);
-      accumulate(structure, plan, first, batch, out, kernel_fallbacks_);
+      accumulate(structure, plan, place.index * kRows, batch, out, kernel_fallbacks_);
     }
+    place.before += batches;
+    place.residuals += doubles_of(plan, false) * static_cast<std::int64_t>(batches);
   }
 }
 
 // Several workers: all batches are evaluated beside each other and kept; the sums are then made in the same order as
 // by one worker, so the bits are the same.
 void Linearizer::linearize_apart(const Graph& graph, const LinearStructure& structure, const Point& point,
-                                 LinearSystem& out, TaskPool* pool) {
+                                 const ActiveSet* evaluated, LinearSystem& out, TaskPool* pool) {
+  Place place;
   for (std::size_t t = 0; t < structure.plan_count(); ++t) {
+    place.plan = t;
     const TablePlan& plan = structure.plans()[t];
     const std::size_t batches = batches_of(plan);
     const std::int64_t each = doubles_of(plan, true), r_size = doubles_of(plan, false);
     stored_.reserve(each * static_cast<std::int64_t>(batches));
     if (batches_.size() < batches) batches_.resize(batches);
     parallel_for(pool, static_cast<int>(batches), [&](int b, int) {
+      Place at = place;
+      at.index = static_cast<std::size_t>(b);
       double* r = stored_.data() + each * b;
-      run_batch(graph, plan, point, b * kRows, true, r, r + r_size, batches_[b]);
+      run_batch(graph, plan, point, at, evaluated, r, r + r_size, batches_[b]);
     });
     for (std::size_t b = 0; b < batches; ++b) {
       not_finite_ += std::popcount(batches_[b].not_finite);
       accumulate(structure, plan, b * kRows, batches_[b], out, kernel_fallbacks_);
     }
+    place.before += batches;
+    place.residuals += r_size * static_cast<std::int64_t>(batches);
   }
 }
 
@@ -228,18 +295,17 @@ void Linearizer::sum_prior_hessians(const Graph& graph, const LinearStructure& s
   std::fill_n(prior_h_.data(), h, 0.0);
   for (std::size_t i = 0; i < structure.prior_count(); ++i) {
     const PriorPlan& plan = structure.priors()[i];
-    const LinearPriorView p = graph.priors().numbers(plan.row);
-    for (std::size_t a = 0; a < plan.targets.size(); ++a)
-      for (std::size_t b = 0; b <= a; ++b) {
+    const std::int64_t ld = prior_product_.subtract(graph.priors().numbers(plan.row));
+    for (std::size_t b = 0; b < plan.targets.size(); ++b)
+      for (std::size_t a = b; a < plan.targets.size(); ++a) {
         const Target &x = plan.targets[a], &y = plan.targets[b];
         if (x.kind != Target::Kind::kept || y.kind != Target::Kind::kept) continue;
         const BlockAddress at = structure.address(x.index, y.index);
-        for (int c = plan.columns[b]; c < plan.columns[b + 1]; ++c)
-          for (int k = plan.columns[a]; k < plan.columns[a + 1]; ++k) {
-            const std::int64_t row = k - plan.columns[a], col = c - plan.columns[b];
-            prior_h_.data()[at.offset + (at.transposed ? row * at.ld + col : col * at.ld + row)] +=
-                dot(p.R + static_cast<std::size_t>(k) * p.rows, p.R + static_cast<std::size_t>(c) * p.rows, p.rows);
-          }
+        const int rows = plan.columns[a + 1] - plan.columns[a], columns = plan.columns[b + 1] - plan.columns[b];
+        const double* from = prior_product_.product.data() + plan.columns[b] * ld + plan.columns[a];
+        for (int c = 0; c < columns; ++c)
+          for (int r = a == b ? c : 0; r < rows; ++r)
+            prior_h_.data()[at.offset + (at.transposed ? r * at.ld + c : c * at.ld + r)] -= from[c * ld + r];
       }
   }
   prior_h_structure_ = structure.version();

@@ -6,6 +6,7 @@
 #include "oriel/graph/graph.h"
 #include "oriel/linear/aligned_buffer.h"
 #include "oriel/linear/point.h"
+#include "oriel/linear/prior_product.h"
 #include "oriel/linear/structure.h"
 #include "oriel/linear/task_pool.h"
 
@@ -24,6 +25,10 @@ struct LinearSystem {
 struct ActiveSet {
   std::vector<std::uint64_t> valid, not_finite_mask;  // a batch each
   std::vector<double> cost;                           // ½ρ by row, 64 a batch
+  // Where Jacobians may be taken elsewhere (decision 9): r and √ρ' of all batches, one after the other. Else empty.
+  AlignedBuffer residuals;
+  std::vector<double> weight;
+  bool has_residuals = false;
   double prior_cost = 0.0;
   double total = 0.0;
   std::int64_t invalid = 0, not_finite = 0;  // rows
@@ -39,32 +44,45 @@ class Linearizer {
   void evaluate(const Graph& graph, const LinearStructure& structure, const Point& point, const ActiveSet* frozen,
                 ActiveSet& out, TaskPool* pool);
 
-  // The system at the point, over the factors that are valid there.
-  void linearize(const Graph& graph, const LinearStructure& structure, const Point& point, LinearSystem& out,
-                 TaskPool* pool);
+  // The system at the point, over the factors that are valid there. `evaluated`: what evaluate() found at the same
+  // point, or null.
+  void linearize(const Graph& graph, const LinearStructure& structure, const Point& point, const ActiveSet* evaluated,
+                 LinearSystem& out, TaskPool* pool);
 
   std::int64_t kernel_fallbacks() const { return kernel_fallbacks_; }
   // Rows whose Jacobian was not finite at the last linearization though their residual was.
   std::int64_t not_finite() const { return not_finite_; }
 
  private:
+  struct Place;  // of a batch among all
+  struct Packed {
+    AlignedBuffer numbers;
+    std::size_t packs = 0;  // of a group of eight rows
+  };
+  void pack_measurements(const LinearStructure& structure);
   void lay_out(const LinearStructure& structure);
-  void run_batch(const Graph& graph, const TablePlan& plan, const Point& point, std::size_t first, bool jacobians,
-                 double* r, double* j, Batch& batch) const;
+  void lay_out(const Graph& graph, const LinearStructure& structure, ActiveSet& out);
+  static void keep(const Batch& batch, bool robust, std::size_t at, const ActiveSet* frozen, ActiveSet& out);
+  void run_batch(const Graph& graph, const TablePlan& plan, const Point& point, const Place& place,
+                 const ActiveSet* evaluated, double* r, double* j, Batch& batch) const;
   double prior_cost(const Graph& graph, const LinearStructure& structure, const Point& point);
   void add_prior_gradients(const Graph& graph, const LinearStructure& structure, const Point& point, LinearSystem& out);
   void sum_prior_hessians(const Graph& graph, const LinearStructure& structure);
   void prior_error(const Graph& graph, const PriorPlan& plan, const Point& point);
-  void linearize_in_turn(const Graph& graph, const LinearStructure& structure, const Point& point, LinearSystem& out);
-  void linearize_apart(const Graph& graph, const LinearStructure& structure, const Point& point, LinearSystem& out,
-                       TaskPool* pool);
+  void linearize_in_turn(const Graph& graph, const LinearStructure& structure, const Point& point,
+                         const ActiveSet* evaluated, LinearSystem& out);
+  void linearize_apart(const Graph& graph, const LinearStructure& structure, const Point& point,
+                       const ActiveSet* evaluated, LinearSystem& out, TaskPool* pool);
   void copy_diagonal(const LinearStructure& structure, LinearSystem& out) const;
 
+  std::vector<Packed> packed_;  // by plan
+  std::uint64_t packed_structure_ = 0;
   std::vector<AlignedBuffer> scratch_;  // one a worker: r and J of a batch
   AlignedBuffer stored_;                // r and J of all batches, where several workers share the work
   std::vector<Batch> batches_;
   std::vector<double> error_, residual_;  // of a prior
-  AlignedBuffer prior_h_;                 // RᵀR of all priors: a cache, made once a structure
+  PriorProduct prior_product_;
+  AlignedBuffer prior_h_;  // RᵀR of all priors: a cache, made once a structure
   std::uint64_t prior_h_structure_ = 0;
   std::int64_t kernel_fallbacks_ = 0, not_finite_ = 0;
 };

@@ -1,40 +1,12 @@
 #include "oriel/linear/linearize_factor.h"
 
-#include <array>
-
 #include "oriel/linear/aligned_buffer.h"
+#include "oriel/linear/evaluate_rows.h"
 
 namespace oriel {
 namespace {
 
 constexpr int kRows = Batch::kRows;
-
-void linearize_row(const Graph& graph, const FactorTable& table, std::uint32_t row, bool first_estimates,
-                   Batch& batch) {
-  std::array<const void*, kRows> measurement, noise;
-  std::array<const Loss*, kRows> loss;
-  std::array<const void*, std::size_t{16} * kRows> at, estimate;
-  measurement.fill(table.measurement(row));
-  noise.fill(table.noise(row));
-  loss.fill(&table.loss(row));
-  const auto refs = table.variables(row);
-  for (std::size_t k = 0; k < refs.size(); ++k) {
-    const VariablePool& pool = *graph.pools()[refs[k].pool];
-    const std::uint32_t d = pool.slots().dense(refs[k].slot);
-    for (std::size_t l = 0; l < kRows; ++l) {
-      at[k * kRows + l] = pool.value(d);
-      estimate[k * kRows + l] = first_estimates && pool.has_first_estimate(d) ? pool.first_estimate(d) : pool.value(d);
-    }
-  }
-  RowPointers rows;
-  rows.rows = 1;
-  rows.measurement = measurement.data();
-  rows.noise = noise.data();
-  rows.loss = loss.data();
-  rows.at = at.data();
-  rows.jacobian_at = estimate.data();
-  table.ops().linearize(rows, batch);
-}
 
 FactorLinearization linearize_table(const Graph& graph, const FactorTable& table, std::uint32_t row,
                                     bool first_estimates) {
@@ -49,9 +21,8 @@ FactorLinearization linearize_table(const Graph& graph, const FactorTable& table
   AlignedBuffer numbers;
   numbers.reserve(std::int64_t{kRows} * out.rows * (1 + out.cols));
   Batch batch;
-  batch.r = numbers.data();
-  batch.J = numbers.data() + std::int64_t{kRows} * out.rows;
-  linearize_row(graph, table, row, first_estimates, batch);
+  double* const r = numbers.data();
+  evaluate_rows(graph, table, {&row, 1}, nullptr, first_estimates, r, r + std::int64_t{kRows} * out.rows, batch);
   for (int i = 0; i < out.rows; ++i) out.residual.push_back(batch.r[i * kRows]);
   for (int i = 0; i < out.rows * out.cols; ++i) out.jacobian.push_back(batch.J[i * kRows]);
   out.valid = batch.valid & 1;

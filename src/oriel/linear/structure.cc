@@ -217,66 +217,6 @@ void LinearStructure::plan_table(const FactorTable& table, TablePlan& plan) {
   }
 }
 
-// For each landmark, the kept blocks that share a factor with it, ascending and once each.
-void LinearStructure::find_neighbours() {
-  sightings_.clear();
-  for (std::size_t i = 0; i < plan_count_; ++i) {
-    const TablePlan& plan = plans_[i];
-    const std::size_t n = plan.arguments.size();
-    for (std::size_t r = 0; r < plan.rows.size(); ++r) {
-      if (plan.landmark[r] < 0) continue;
-      for (std::size_t a = 0; a < n; ++a) {
-        const Target& t = plan.targets[r * n + a];
-        if (t.kind == Target::Kind::kept) sightings_.emplace_back(plan.landmark[r], t.index);
-      }
-    }
-  }
-  count_.assign(landmarks_.size() + 1, 0);  // counting sort by landmark; short lists are sorted in place
-  for (const auto& s : sightings_) ++count_[s.first + 1];
-  for (std::size_t l = 0; l < landmarks_.size(); ++l) count_[l + 1] += count_[l];
-  neighbours_.resize(sightings_.size());
-  for (std::size_t l = 0; l < landmarks_.size(); ++l) landmarks_[l].first_neighbour = count_[l];
-  for (const auto& s : sightings_) neighbours_[count_[s.first]++] = s.second;
-  std::int32_t end = 0;
-  for (std::size_t l = 0; l < landmarks_.size(); ++l) {
-    LandmarkBlock& b = landmarks_[l];
-    const auto first = neighbours_.begin() + b.first_neighbour, last = neighbours_.begin() + count_[l];
-    std::sort(first, last);
-    const auto unique_end = std::unique(first, last);
-    b.neighbours = static_cast<std::int32_t>(unique_end - first);
-    std::copy(first, unique_end, neighbours_.begin() + end);
-    b.first_neighbour = end;
-    end += b.neighbours;
-  }
-  neighbours_.resize(end);
-}
-
-void LinearStructure::place_landmarks() {
-  landmark_store_ = 0;
-  for (LandmarkBlock& l : landmarks_) {
-    l.rows = 0;
-    for (int k = 0; k < l.neighbours; ++k) l.rows += kept_[neighbours_[l.first_neighbour + k]].dim;
-    l.data = landmark_store_;
-    landmark_store_ += l.dim * l.dim + l.dim + std::int64_t{l.rows} * l.dim;
-  }
-  for (std::size_t i = 0; i < plan_count_; ++i) {
-    TablePlan& plan = plans_[i];
-    const std::size_t n = plan.arguments.size();
-    plan.panel_row.resize(plan.rows.size() * n);
-    for (std::size_t r = 0; r < plan.rows.size(); ++r) {
-      if (plan.landmark[r] < 0) continue;
-      const LandmarkBlock& l = landmarks_[plan.landmark[r]];
-      for (std::size_t a = 0; a < n; ++a) {
-        const Target& t = plan.targets[r * n + a];
-        if (t.kind != Target::Kind::kept) continue;
-        std::int32_t row = 0;
-        for (const std::int32_t* b = &neighbours_[l.first_neighbour]; *b != t.index; ++b) row += kept_[*b].dim;
-        plan.panel_row[r * n + a] = row;
-      }
-    }
-  }
-}
-
 void LinearStructure::connect(int i, int j) {
   if (connected_.empty()) {
     pattern_.connect(i, j);
@@ -288,15 +228,11 @@ void LinearStructure::connect(int i, int j) {
   pattern_.connect(i, j);
 }
 
-Result<void> LinearStructure::analyze(const FactorOptions& options) {
-  dims_.clear();
-  for (const KeptBlock& b : kept_) dims_.push_back(b.dim);
-  pattern_.reset(dims_);
-  connected_.clear();
-  if (kept_.size() <= kSmallTable) connected_.assign(kept_.size() * kept_.size(), 0);
+void LinearStructure::connect_all() {
   for (std::size_t i = 0; i < plan_count_; ++i) {
     const TablePlan& plan = plans_[i];
     const std::size_t n = plan.arguments.size();
+    if (n < 2) continue;
     for (std::size_t r = 0; r < plan.rows.size(); ++r) {
       if (plan.landmark[r] >= 0) continue;  // its neighbours are connected below
       for (std::size_t a = 1; a < n; ++a)
@@ -311,9 +247,27 @@ Result<void> LinearStructure::analyze(const FactorOptions& options) {
       for (const Target& y : priors_[i].targets)
         if (x.kind == Target::Kind::kept && y.kind == Target::Kind::kept && x.index > y.index)
           connect(x.index, y.index);
-  for (const LandmarkBlock& l : landmarks_)
-    for (int a = 1; a < l.neighbours; ++a)
-      for (int b = 0; b < a; ++b) connect(neighbours_[l.first_neighbour + a], neighbours_[l.first_neighbour + b]);
+  if (seen_by_.empty()) {
+    for (const LandmarkBlock& l : landmarks_)
+      for (int a = 1; a < l.neighbours; ++a)
+        for (int b = 0; b < a; ++b) connect(neighbours_[l.first_neighbour + a], neighbours_[l.first_neighbour + b]);
+    return;
+  }
+  for (int k = 0; k < static_cast<int>(kept_.size()) - first_seen_; ++k) {
+    std::uint64_t with = 0;
+    for (const std::uint64_t seen : seen_by_) with |= seen >> k & 1 ? seen : 0;
+    for (int i = 0; i < k; ++i)
+      if (with >> i & 1) connect(first_seen_ + k, first_seen_ + i);
+  }
+}
+
+Result<void> LinearStructure::analyze(const FactorOptions& options) {
+  dims_.clear();
+  for (const KeptBlock& b : kept_) dims_.push_back(b.dim);
+  pattern_.reset(dims_);
+  connected_.clear();
+  if (kept_.size() <= kSmallTable) connected_.assign(kept_.size() * kept_.size(), 0);
+  connect_all();
   pattern_.finish();
   FactorOptions chosen = options;
   order_.clear();
@@ -337,33 +291,31 @@ BlockAddress LinearStructure::address(int i, int j) const {
   return factorization_.address(i, j);
 }
 
+// In runs, those of each run's first row alone.
 void LinearStructure::place_pairs() {
   for (std::size_t t = 0; t < plan_count_; ++t) {
     TablePlan& plan = plans_[t];
-    const std::size_t n = plan.arguments.size(), pairs = n * (n + 1) / 2;
-    plan.pairs.assign(plan.rows.size() * pairs, {});
-    for (std::size_t r = 0; r < plan.rows.size(); ++r) {
-      PairAddress* out = &plan.pairs[r * pairs];
-      for (std::size_t a = 0; a < n; ++a)
-        for (std::size_t b = 0; b <= a; ++b, ++out) {
-          const Target &x = plan.targets[r * n + a], &y = plan.targets[r * n + b];
-          if (x.kind != Target::Kind::kept || y.kind != Target::Kind::kept) continue;
-          const BlockAddress at = address(x.index, y.index);
-          *out = {at.offset, at.ld, at.transposed ? PairAddress::Kind::transposed : PairAddress::Kind::stored};
-          if (a != b && x.index == y.index) out->kind = PairAddress::Kind::diagonal_twice;
-        }
-    }
+    const std::size_t n = plan.arguments.size();
+    plan.pairs.resize(plan.rows.size() * (n * (n + 1) / 2));
+    if (plan.runs.empty())
+      for (std::size_t r = 0; r < plan.rows.size(); ++r) place_pairs_of_row(plan, r);
+    else
+      for (const TablePlan::Run& run : plan.runs) place_pairs_of_row(plan, run.first);
   }
 }
 
-void LinearStructure::place_landmark_pairs() {
-  landmark_pairs_.clear();
-  for (LandmarkBlock& l : landmarks_) {
-    l.first_pair = static_cast<std::int64_t>(landmark_pairs_.size());
-    for (int a = 0; a < l.neighbours; ++a)
-      for (int b = 0; b <= a; ++b)
-        landmark_pairs_.push_back(address(neighbours_[l.first_neighbour + a], neighbours_[l.first_neighbour + b]));
-  }
+void LinearStructure::place_pairs_of_row(TablePlan& plan, std::size_t r) {
+  const std::size_t n = plan.arguments.size();
+  PairAddress* out = &plan.pairs[r * (n * (n + 1) / 2)];
+  for (std::size_t a = 0; a < n; ++a)
+    for (std::size_t b = 0; b <= a; ++b, ++out) {
+      *out = {};
+      const Target &x = plan.targets[r * n + a], &y = plan.targets[r * n + b];
+      if (x.kind != Target::Kind::kept || y.kind != Target::Kind::kept) continue;
+      const BlockAddress at = address(x.index, y.index);
+      *out = {at.offset, at.ld, at.transposed ? PairAddress::Kind::transposed : PairAddress::Kind::stored};
+      if (a != b && x.index == y.index) out->kind = PairAddress::Kind::diagonal_twice;
+    }
 }
 
 void LinearStructure::locate(int s, std::uint32_t& pool, std::uint32_t& dense, int& within) const {

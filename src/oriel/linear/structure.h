@@ -45,16 +45,19 @@ struct TablePlan {
   std::vector<std::uint32_t> rows;
   std::vector<std::uint64_t> active;    // a batch each: the rows that count; the others are padding
   std::vector<Run> runs;                // empty: no runs
+  int landmark_argument = -1;           // the one that is a landmark, in a table none of whose landmarks is kept
   std::vector<std::uint32_t> dense;     // rows × arity: where the values stand
   std::vector<Target> targets;          // rows × arguments
-  std::vector<PairAddress> pairs;       // rows × arguments (arguments + 1) / 2: kept with kept, (a, b ≤ a)
+  std::vector<PairAddress> pairs;       // rows × arguments (arguments + 1) / 2: kept with kept, (a, b ≤ a); in runs
+                                        // for their first rows
   std::vector<std::int32_t> landmark;   // rows: the landmark that the row touches, or -1
-  std::vector<std::int32_t> panel_row;  // rows × arguments: row of a kept argument in its landmark's panel
+  std::vector<std::int32_t> panel_row;  // rows × arguments: row of a kept argument in its landmark's W
 };
 
 // An eliminated variable: V (dim × dim), g (dim) and W (rows × dim, column-major) stand one after the other.
 struct LandmarkBlock {
-  std::int32_t dim = 0, rows = 0;                    // rows: scalars of all kept variables that share a factor with it
+  // rows: scalars of the kept variables that share a factor with it; in a panel, of all that see any landmark.
+  std::int32_t dim = 0, rows = 0;
   std::int32_t offset = 0;                           // in a step
   std::int64_t data = 0;                             // in the landmark store: V, then g, then W
   std::int32_t first_neighbour = 0, neighbours = 0;  // slice of neighbours()
@@ -97,6 +100,13 @@ class LinearStructure {
   const std::vector<LandmarkBlock>& landmarks() const { return landmarks_; }
   const std::vector<std::int32_t>& neighbours() const { return neighbours_; }
   const std::vector<BlockAddress>& landmark_pairs() const { return landmark_pairs_; }
+  // Whether every landmark's W has a row for all kept scalars from first_seen() on: columns of one tall matrix, which
+  // pays where most landmarks are seen by most kept variables, as in a window.
+  bool landmark_panel() const { return landmark_panel_; }
+  int first_seen() const { return first_seen_; }      // kept block from which on all see landmarks
+  int first_scalar() const { return first_scalar_; }  // of that block, in a step
+  int panel_rows() const { return kept_dim_ - first_scalar_; }
+  double landmark_flops() const { return landmark_flops_; }  // of S = H - W V⁻¹ Wᵀ
   int kept_dim() const { return kept_dim_; }
   int dim() const { return dim_; }  // of a step: kept and landmarks
   std::int64_t landmark_store() const { return landmark_store_; }
@@ -117,16 +127,22 @@ class LinearStructure {
   void collect_rows(const Graph& graph);
   void plan_table(const FactorTable& table, TablePlan& plan);
   void set_active(TablePlan& plan);
+  int find_landmark_argument(const TablePlan& plan) const;
   bool count_runs(const TablePlan& plan);
   void group_rows(TablePlan& plan);
   void add_runs(TablePlan& plan, std::uint32_t first, std::uint32_t count);
   void number_kept(const Graph& graph);
   void plan_priors(const Graph& graph);
   void find_neighbours();
+  void find_few_neighbours(int seen);
+  void choose_panel();
   void place_landmarks();
+  void place_panel_rows(TablePlan& plan);
+  void connect_all();
   Result<void> analyze(const FactorOptions& options);
   void connect(int i, int j);
   void place_pairs();
+  void place_pairs_of_row(TablePlan& plan, std::size_t row);
   void place_landmark_pairs();
 
   std::vector<TablePlan> plans_;
@@ -140,7 +156,9 @@ class LinearStructure {
   std::vector<std::vector<std::int32_t>> offsets_;       // the same, offsets alone
   std::vector<std::uint32_t> pool_order_, table_order_;  // by name
   std::uint64_t version_ = 0;
-  int kept_dim_ = 0, dim_ = 0;
+  int kept_dim_ = 0, dim_ = 0, first_seen_ = 0, first_scalar_ = 0;
+  bool landmark_panel_ = false;
+  double landmark_flops_ = 0.0;
   std::int64_t landmark_store_ = 0;
   Multifrontal factorization_;
 
@@ -150,8 +168,8 @@ class LinearStructure {
   std::vector<int> dims_, order_;
   std::vector<std::pair<std::int32_t, std::int32_t>> sightings_, sorted_sightings_;
   std::vector<std::int32_t> count_;
-  std::vector<std::uint64_t> serials_;
-  std::vector<char> connected_;            // blocks × blocks, where that is small
+  std::vector<std::uint64_t> seen_by_;  // by landmark: bits of the kept blocks from first_seen_ on, where those are few
+  std::vector<char> connected_;         // blocks × blocks, where that is small
   std::vector<BlockAddress> small_table_;  // the same, addresses
 };
 

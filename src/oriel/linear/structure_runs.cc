@@ -3,6 +3,7 @@
 // (accumulate_runs.cc). A function of the live graph alone: rows keep the order of serials within a run.
 #include <algorithm>
 #include <bit>
+#include <cstring>
 
 #include "oriel/base/pack.h"
 #include "oriel/linear/structure.h"
@@ -22,18 +23,32 @@ void LinearStructure::set_active(TablePlan& plan) {
   if (plan.rows.size() % 64 != 0) plan.active.back() = (std::uint64_t{1} << plan.rows.size() % 64) - 1;
 }
 
+// A landmark that is kept is like any other variable.
+int LinearStructure::find_landmark_argument(const TablePlan& plan) const {
+  const std::size_t n = plan.arguments.size();
+  constexpr std::size_t kMostArguments = 4;
+  constexpr int kLargestDim = 9;  // accumulate_landmarks.cc
+  int found = -1;
+  if (n > kMostArguments) return -1;
+  for (std::size_t a = 0; a < n; ++a) {
+    if (plan.arguments[a].dim > kLargestDim) return -1;
+    if (!plan.arguments[a].landmark_type) continue;
+    if (found >= 0) return -1;
+    found = static_cast<int>(a);
+    for (std::size_t r = 0; r < plan.rows.size(); ++r)
+      if (plan.targets[r * n + a].kind == Target::Kind::kept) return -1;
+  }
+  return found;
+}
+
 bool LinearStructure::count_runs(const TablePlan& plan) {
-  std::size_t landmarks = 0;
-  for (const auto& a : plan.arguments) landmarks += a.landmark_type;
-  const std::size_t n = plan.arguments.size(), others = n - landmarks;
-  if (landmarks != 1 || others == 0 || others > 2) return false;
+  const std::size_t n = plan.arguments.size(), others = n - 1;
+  if (plan.landmark_argument < 0 || others > 2) return false;
   if (plan.rows.size() > kMostRows || kept_.size() > kMostKept) return false;
   const std::size_t base = kept_.size() + 1;
   run_key_.resize(plan.rows.size());
-  run_begin_.assign((others == 2 ? base * base : base) + 1, 0);
+  run_begin_.assign((others == 2 ? base * base : others == 1 ? base : 1) + 1, 0);
   for (std::size_t r = 0; r < plan.rows.size(); ++r) {
-    for (std::size_t a = 0; a < n; ++a)  // a landmark that is kept is like any other variable: no runs for its table
-      if (plan.arguments[a].landmark_type && plan.targets[r * n + a].kind == Target::Kind::kept) return false;
     std::size_t key = 0;
     for (std::size_t a = 0; a < n; ++a) {
       if (plan.arguments[a].landmark_type) continue;
@@ -49,6 +64,7 @@ bool LinearStructure::count_runs(const TablePlan& plan) {
 
 void LinearStructure::group_rows(TablePlan& plan) {
   set_active(plan);
+  plan.landmark_argument = find_landmark_argument(plan);
   if (!count_runs(plan)) return;
   constexpr std::uint32_t kLanes = Pack::kLanes;
   std::uint32_t end = 0;
@@ -59,13 +75,14 @@ void LinearStructure::group_rows(TablePlan& plan) {
     end += padded;
   }
   const std::size_t arity = static_cast<std::size_t>(plan.table->arity());
-  grouped_rows_.assign(end, 0);
-  grouped_dense_.assign(end * arity, 0);
+  grouped_rows_.resize(end);
+  grouped_dense_.resize(end * arity);
   plan.active.assign((end + 63) / 64, 0);
   auto put = [&](std::uint32_t at, std::size_t r) {
     grouped_rows_[at] = plan.rows[r];
-    std::copy_n(plan.dense.begin() + static_cast<std::ptrdiff_t>(r * arity), arity,
-                grouped_dense_.begin() + static_cast<std::ptrdiff_t>(at * arity));
+    std::size_t k = 0;  // a call to copy so few would take longer than the copies
+    for (; k + 2 <= arity; k += 2) std::memcpy(&grouped_dense_[at * arity + k], &plan.dense[r * arity + k], 8);
+    if (k < arity) grouped_dense_[at * arity + k] = plan.dense[r * arity + k];
   };
   for (std::size_t r = 0; r < plan.rows.size(); ++r) {
     const std::uint32_t at = run_begin_[run_key_[r]]++;

@@ -3,6 +3,7 @@
 #pragma once
 #include "oriel/manifold/bal_camera.h"
 #include "oriel/manifold/vector.h"
+#include "oriel/residual/linearize_rows.h"
 #include "oriel/residual/residual.h"
 
 namespace oriel {
@@ -47,5 +48,8 @@ struct BalReprojection {
   }
 };
 using BalReprojectiond = BalReprojection<double>;
+
+// Compiled once, in the library.
+extern template void linearize_rows<BalReprojectiond, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
 
 }  // namespace oriel

@@ -17,6 +17,7 @@ struct Batch {
   double* r = nullptr;
   double* J = nullptr;
   double cost[kRows];            // ½ρ(‖r‖²); 0 where invalid
+  double weight[kRows];          // √ρ', in tables with losses alone
   std::uint64_t valid = 0;       // bit l: lane l is valid at this point
   std::uint64_t not_finite = 0;  // bit l: r or J of lane l was NaN or infinite; then it is not valid either
 };

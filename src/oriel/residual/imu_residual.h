@@ -9,6 +9,7 @@
 #pragma once
 #include "oriel/manifold/se3.h"
 #include "oriel/manifold/vector.h"
+#include "oriel/residual/linearize_rows.h"
 #include "oriel/residual/noise.h"
 #include "oriel/residual/residual.h"
 #include "oriel/sensor/preintegration.h"
@@ -89,5 +90,8 @@ using ImuResiduald = ImuResidual<double>;
 
 // The noise of an ImuResidual: the residual's order is that of the covariance.
 inline FullNoise<15> imu_noise(const Preintegration& preintegration) { return Covariance(preintegration.covariance); }
+
+// Compiled once, in the library.
+extern template void linearize_rows<ImuResiduald, FullNoise<15>>(const RowPointers&, Batch&) noexcept;
 
 }  // namespace oriel

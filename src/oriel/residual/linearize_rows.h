@@ -17,37 +17,53 @@
 
 namespace oriel {
 
+// What was found at `at` before: a Batch without J. Rows whose Jacobian is taken elsewhere need not be evaluated again.
+struct EvaluatedRows {
+  std::uint64_t valid = 0;
+  const double* r = nullptr;       // as Batch::r
+  const double* weight = nullptr;  // as Batch::weight; null: no row has a loss
+  const double* cost = nullptr;
+};
+
 // Where up to 64 rows find what they need. Argument k of row l: at[k * Batch::kRows + l].
 struct RowPointers {
   int rows = 0;
   std::uint64_t active = ~std::uint64_t{0};  // lanes that count; the others only fill up a group of eight
+  bool robust = false;                       // whether rows have losses
   const void* const* measurement = nullptr;
   const void* const* noise = nullptr;
-  const Loss* const* loss = nullptr;  // null: no row has one
-  const void* const* at = nullptr;    // the values, for r
+  const Loss* const* loss = nullptr;
+  // Or all three, for residuals that are evaluated eight rows at a time: by groups of eight, measurement, noise, and
+  // scale and kind of the loss if robust, as packs.
+  const double* packed = nullptr;
+  const void* const* at = nullptr;  // the values, for r
   // Where Jacobians are taken: the same as `at`, or first estimates for the variables that have one (decision 9).
   const void* const* jacobian_at = nullptr;
+  const EvaluatedRows* evaluated = nullptr;
 };
 
 namespace detail {
 
 constexpr int kGroup = Pack::kLanes;
 
+// N doubles behind each of eight pointers → N packs.
+template <int N>
+void gather_doubles(const void* const* rows, Pack* to) {
+#if defined(__AVX512F__)
+  const __m512i base = _mm512_loadu_si512(rows);
+  for (int i = 0; i < N; ++i)
+    to[i] = Pack(reinterpret_cast<Pack::Native>(
+        _mm512_mask_i64gather_pd(_mm512_setzero_pd(), 0xff, base, reinterpret_cast<void*>(i * 8L), 1)));
+#else
+  for (int i = 0; i < N; ++i)
+    for (int l = 0; l < kGroup; ++l) to[i].v[l] = static_cast<const double*>(rows[l])[i];
+#endif
+}
 // T<double> behind eight pointers → T<Pack>, whose members all are packs and stand in the same order.
 template <Rebindable T>
 void gather(const void* const* rows, typename T::template rebind<Pack>& out) {
-  constexpr int n = sizeof(T) / sizeof(double);
-  static_assert(sizeof(out) == n * sizeof(Pack));
-  Pack* s = reinterpret_cast<Pack*>(&out);
-#if defined(__AVX512F__)
-  const __m512i base = _mm512_loadu_si512(rows);
-  for (int i = 0; i < n; ++i)
-    s[i] = Pack(reinterpret_cast<Pack::Native>(
-        _mm512_mask_i64gather_pd(_mm512_setzero_pd(), 0xff, base, reinterpret_cast<void*>(i * 8L), 1)));
-#else
-  for (int i = 0; i < n; ++i)
-    for (int l = 0; l < kGroup; ++l) s[i].v[l] = static_cast<const double*>(rows[l])[i];
-#endif
+  static_assert(sizeof(out) == sizeof(T) / sizeof(double) * sizeof(Pack));
+  gather_doubles<sizeof(T) / sizeof(double)>(rows, reinterpret_cast<Pack*>(&out));
 }
 // T<double> behind one pointer, in all lanes.
 template <Rebindable T>
@@ -56,31 +72,25 @@ void spread(const void* row, typename T::template rebind<Pack>& out) {
   for (std::size_t i = 0; i < sizeof(T) / sizeof(double); ++i) s[i] = Pack(static_cast<const double*>(row)[i]);
 }
 
-// One argument of eight rows over packs. A constant that the rows before had, too, is not gathered again.
+// One argument of eight rows over packs. What all eight share, and what the rows before had, is not gathered again:
+// constants, and the poses of rows in runs.
 template <class V>
 struct PackedArgument {
   typename V::template rebind<Pack> value;
   const void* spread_from = nullptr;
 
   void take(const void* const* rows) {
-    if constexpr (V::kDim == 0) {
-      bool same = true;
-      for (int l = 1; l < kGroup; ++l) same = same && rows[l] == rows[0];
-      if (same && spread_from == rows[0]) return;
-      spread_from = same ? rows[0] : nullptr;
-      if (same) return spread<V>(rows[0], value);
-    }
-    gather<V>(rows, value);
+    bool same = true;
+    for (int l = 1; l < kGroup; ++l) same &= rows[l] == rows[0];
+    if (same && spread_from == rows[0]) return;
+    spread_from = same ? rows[0] : nullptr;
+    if (same)
+      spread<V>(rows[0], value);
+    else
+      gather<V>(rows, value);
   }
 };
 
-template <class Noise, std::size_t N = sizeof(Noise) / sizeof(double)>
-std::array<Pack, N> gather_noise(const void* const* rows) {
-  std::array<Pack, N> out;
-  for (std::size_t i = 0; i < N; ++i)
-    for (int l = 0; l < kGroup; ++l) out[i].v[l] = static_cast<const double*>(rows[l])[i];
-  return out;
-}
 template <class Noise, std::size_t N = sizeof(Noise) / sizeof(double)>
 std::array<double, N> noise_entries(const void* row) {
   std::array<double, N> out;
@@ -94,43 +104,50 @@ concept PackedResidual = AnalyticResidual<R> && Rebindable<R>;
 // Jacobians of a residual over scalar S, one matrix a variable; constants have none.
 template <class S, int D, class Vars>
 struct JacobianTuple;
-template <class S, int D, class... V>
-struct JacobianTuple<S, D, Types<V...>> {
-  struct None {};
-  std::tuple<std::conditional_t<(V::kDim > 0), Mat<S, D, (V::kDim > 0 ? V::kDim : 1)>, None>...> blocks;
-  // f(pointers to the blocks that exist...)
+template <class S, int D>
+struct JacobianTuple<S, D, Types<>> {
   template <class F>
-  auto apply(F&& f, bool wanted) {
-    return std::apply(
-        [&](auto&... b) {
-          auto one = [wanted](auto& m) {
-            if constexpr (std::is_same_v<std::remove_reference_t<decltype(m)>, None>)
-              return std::tuple<>();
-            else
-              return std::make_tuple(wanted ? &m : nullptr);
-          };
-          return std::apply(f, std::tuple_cat(one(b)...));
-        },
-        blocks);
+  void for_each(F&&, int = 0) {}
+  template <class F, class... P>
+  auto apply(F&& f, bool, P*... before) {
+    return f(before...);
   }
+};
+// Not a std::tuple, which would fill it with zeros.
+template <class S, int D, class V, class... Rest>
+struct JacobianTuple<S, D, Types<V, Rest...>> {
+  static constexpr bool kHas = V::kDim > 0;
+  struct None {};
+  std::conditional_t<kHas, Mat<S, D, (kHas ? V::kDim : 1)>, None> block;
+  JacobianTuple<S, D, Types<Rest...>> rest;
+
+  // f(pointers to the blocks that exist...), null where they are not wanted.
+  template <class F, class... P>
+  auto apply(F&& f, bool wanted, P*... before) {
+    if constexpr (kHas)
+      return rest.apply(f, wanted, before..., wanted ? &block : nullptr);
+    else
+      return rest.apply(f, wanted, before...);
+  }
+  // f(block, its first column)
   template <class F>
-  void for_each(F&& f) {
-    int column = 0;
-    std::apply(
-        [&](auto&... b) {
-          auto one = [&](auto& m) {
-            if constexpr (!std::is_same_v<std::remove_reference_t<decltype(m)>, None>) {
-              f(m, column);
-              column += std::remove_reference_t<decltype(m)>::kCols;
-            }
-          };
-          (one(b), ...);
-        },
-        blocks);
+  void for_each(F&& f, int column = 0) {
+    if constexpr (kHas) f(block, column);
+    rest.for_each(f, column + V::kDim);
   }
 };
 
 inline Pack::Mask finite_mask(const Pack& p) { return (p - p) <= Pack(0.0); }
+
+// Whether all entries are finite, lane by lane: a sum of their squares is, but for values that overflow. Four sums, so
+// that none waits for the one before.
+template <int R, int C>
+Pack::Mask finite_mask(const Mat<Pack, R, C>& m) {
+  Pack sum[4] = {Pack(0.0), Pack(0.0), Pack(0.0), Pack(0.0)};
+#pragma GCC unroll 90
+  for (int i = 0; i < m.kSize; ++i) sum[i % 4] += m.m[i] * m.m[i];
+  return finite_mask((sum[0] + sum[1]) + (sum[2] + sum[3]));
+}
 
 inline Pack::Mask mask_of(unsigned bits) {
   Pack::Mask m;
@@ -158,74 +175,119 @@ struct PackedRows {
     using type = std::tuple<PackedArgument<V>...>;
   };
   typename ArgumentsOf<typename R::Variables>::type arguments;
-  typename R::template rebind<Pack> residual;
   J j;
 
+  // RowPointers::packed of eight rows: the members of the residual, of the noise, and scale and kind of the loss.
+  using Measurement = typename R::template rebind<Pack>;
+  struct Numbers {
+    Measurement measurement;
+    std::array<Pack, sizeof(Noise) / sizeof(double)> noise;
+    Pack loss_scale, loss_kind;
+  };
+  static constexpr int kNumbers = static_cast<int>((sizeof(R) + sizeof(Noise)) / sizeof(double));
+  Numbers numbers_;  // where they are not packed already
+
+  const Numbers& numbers(const RowPointers& rows, int g) {
+    static_assert(sizeof(Numbers) == (kNumbers + 2) * sizeof(Pack));
+    if (rows.packed != nullptr)  // without losses, the last two are the next group's, and not looked at
+      return *reinterpret_cast<const Numbers*>(rows.packed + (kNumbers + (rows.robust ? 2 : 0)) * std::ptrdiff_t{g});
+    Pack* const to = reinterpret_cast<Pack*>(&numbers_);
+    gather_doubles<sizeof(R) / sizeof(double)>(rows.measurement + g, to);
+    gather_doubles<sizeof(Noise) / sizeof(double)>(rows.noise + g, to + sizeof(R) / sizeof(double));
+    for (int l = 0; rows.robust && l < kGroup; ++l) {
+      numbers_.loss_scale.v[l] = rows.loss[g + l]->scale;
+      numbers_.loss_kind.v[l] = static_cast<double>(rows.loss[g + l]->kind);
+    }
+    return numbers_;
+  }
+
   template <std::size_t... I>
-  Pack::Mask call(const void* const* at, int g, Vec<Pack, D>& r, bool wanted, std::index_sequence<I...>) {
+  Pack::Mask call(const Measurement& m, const void* const* at, int g, Vec<Pack, D>& r, bool wanted,
+                  std::index_sequence<I...>) {
     (std::get<I>(arguments).take(at + I * Batch::kRows + g), ...);
-    return j.apply([&](auto*... block) { return residual.evaluate(std::get<I>(arguments).value..., r, block...); },
-                   wanted);
+    return j.apply([&](auto*... block) { return m.evaluate(std::get<I>(arguments).value..., r, block...); }, wanted);
   }
   // Whether some Jacobian of these eight rows is taken elsewhere than its residual.
   static bool is_apart(const RowPointers& rows, int g) {
     if (rows.jacobian_at == rows.at) return false;
+    bool apart = false;
     for (int k = 0; k < T::kArity; ++k)
       for (int l = 0; l < kGroup; ++l)
-        if (rows.at[k * Batch::kRows + g + l] != rows.jacobian_at[k * Batch::kRows + g + l]) return true;
-    return false;
+        apart |= rows.at[k * Batch::kRows + g + l] != rows.jacobian_at[k * Batch::kRows + g + l];
+    return apart;
   }
 
   // Rows g .. g + 7, whose pointers all are good (the last row is repeated past the end).
   void group(const RowPointers& rows, int g, Batch& out) {
     constexpr auto args = std::make_index_sequence<T::kArity>{};
-    const auto noise = gather_noise<Noise>(rows.noise + g);
+    const Numbers& given = numbers(rows, g);
     const bool wanted = out.J != nullptr, apart = wanted && is_apart(rows, g);
-    gather<R>(rows.measurement + g, residual);
+    const bool evaluated = apart && rows.evaluated != nullptr;
     Vec<Pack, D> r;
-    Pack::Mask valid = call(rows.at, g, r, wanted && !apart, args);
+    Row row;
+    if (evaluated)
+      recall(*rows.evaluated, g, r, row);
+    else
+      row.valid = call(given.measurement, rows.at, g, r, wanted && !apart, args);
     if (apart) {
       Vec<Pack, D> unused;
-      valid = valid & call(rows.jacobian_at, g, unused, true, args);
+      row.valid = row.valid & call(given.measurement, rows.jacobian_at, g, unused, true, args);
     }
-    Noise::whiten(noise, r);
-    const Pack s = r.squared_norm();
-    Pack::Mask finite = finite_mask(s);
-    Pack rho = s, weight(1.0);
-    if (rows.loss != nullptr) losses(rows, g, s, rho, weight);
+    if (!evaluated) weigh(given, rows.robust, r, row);
     if (wanted)
       j.for_each([&](auto& m, int) {
-        Noise::whiten(noise, m);
-        Pack sum(0.0);
-        for (int i = 0; i < m.kSize; ++i) sum += m.m[i] * m.m[i];
-        finite = finite & finite_mask(sum);
+        Noise::whiten(given.noise, m);
+        row.finite = row.finite & finite_mask(m);
       });
-    valid = valid & mask_of(static_cast<unsigned>(rows.active >> g) & 0xffu);
-    const Pack::Mask good = valid & finite;
+    const Pack::Mask valid = row.valid & mask_of(static_cast<unsigned>(rows.active >> g) & 0xffu);
+    const Pack::Mask good = valid & row.finite;
     out.valid |= std::uint64_t{bits(good)} << g;
-    out.not_finite |= std::uint64_t{bits(valid & !finite)} << g;
-    store(out.cost + g, select(good, rho * Pack(0.5), Pack(0.0)));
-    for (int i = 0; i < D; ++i) store(out.r + i * Batch::kRows + g, select(good, r[i] * weight, Pack(0.0)));
+    out.not_finite |= std::uint64_t{bits(valid & !row.finite)} << g;
+    store(out.cost + g, select(good, row.cost, Pack(0.0)));
+    if (rows.robust) store(out.weight + g, row.weight);
+    for (int i = 0; i < D; ++i) store(out.r + i * Batch::kRows + g, select(good, r[i], Pack(0.0)));
     if (wanted)
       j.for_each([&](auto& m, int column) {
         for (int i = 0; i < m.kSize; ++i)
-          store(out.J + (column * D + i) * Batch::kRows + g, select(good, m.m[i] * weight, Pack(0.0)));
+          store(out.J + (column * D + i) * Batch::kRows + g, select(good, m.m[i] * row.weight, Pack(0.0)));
       });
   }
-  static void store(double* to, const Pack& p) { std::memcpy(to, &p.v, sizeof(p.v)); }
-  // ρ and √ρ' of eight rows.
-  static void losses(const RowPointers& rows, int g, const Pack& s, Pack& rho, Pack& weight) {
-    for (int l = 0; l < kGroup; ++l) {
-      const Loss& loss = *rows.loss[g + l];
-      const auto v = evaluate_loss(loss.kind, loss.scale, s[l]);
-      rho.set(l, v.rho);
-      weight.set(l, std::sqrt(v.weight));
-    }
+  // What eight rows have besides r and J.
+  struct Row {
+    Pack::Mask valid, finite;
+    Pack cost, weight;
+  };
+  // Whitens r, and scales it by √ρ'.
+  static void weigh(const Numbers& given, bool robust, Vec<Pack, D>& r, Row& row) {
+    Noise::whiten(given.noise, r);
+    const Pack s = r.squared_norm();
+    row.finite = finite_mask(s);
+    row.weight = Pack(1.0);
+    row.cost = s * Pack(0.5);
+    if (!robust) return;
+    const auto loss = evaluate_losses(given.loss_kind, given.loss_scale, s);
+    row.weight = sqrt(loss.weight);
+    row.cost = loss.rho * Pack(0.5);
+    for (int i = 0; i < D; ++i) r[i] *= row.weight;
   }
+  static void recall(const EvaluatedRows& before, int g, Vec<Pack, D>& r, Row& row) {
+    const unsigned valid = static_cast<unsigned>(before.valid >> g) & 0xffu;
+    row.valid = mask_of(valid);
+    row.finite = mask_of(0xffu);
+    row.cost = load(before.cost + g);
+    row.weight = before.weight != nullptr ? load(before.weight + g) : Pack(1.0);
+    for (int i = 0; i < D; ++i) r[i] = load(before.r + i * Batch::kRows + g);
+  }
+  static Pack load(const double* from) {
+    Pack p;
+    std::memcpy(&p.v, from, sizeof(p.v));
+    return p;
+  }
+  static void store(double* to, const Pack& p) { std::memcpy(to, &p.v, sizeof(p.v)); }
 };
 
 inline void clear(int l, Batch& out) {
-  out.cost[l] = 0.0;
+  out.cost[l] = out.weight[l] = 0.0;
   for (int i = 0; i < out.dim; ++i) out.r[i * Batch::kRows + l] = 0.0;
   if (out.J == nullptr) return;
   for (int i = 0; i < out.dim * out.cols; ++i) out.J[i * Batch::kRows + l] = 0.0;
@@ -262,10 +324,11 @@ struct ScalarRows {
     const std::uint64_t bit = std::uint64_t{1} << l;
     if (good) out.valid |= bit;
     if (valid && !finite) out.not_finite |= bit;
-    const auto loss = good && rows.loss != nullptr ? evaluate_loss(rows.loss[l]->kind, rows.loss[l]->scale, s)
-                                                   : LossValue<double>{s, 1.0};
+    const auto loss =
+        good && rows.robust ? evaluate_loss(rows.loss[l]->kind, rows.loss[l]->scale, s) : LossValue<double>{s, 1.0};
     const double weight = std::sqrt(loss.weight);
     out.cost[l] = good ? 0.5 * loss.rho : 0.0;
+    if (rows.robust) out.weight[l] = weight;
     for (int i = 0; i < D; ++i) out.r[i * Batch::kRows + l] = good ? r[i] * weight : 0.0;
     if (!wanted) return;
     for (int i = 0; i < D * T::kCols; ++i) out.J[i * Batch::kRows + l] = good ? j.m[i] * weight : 0.0;
@@ -273,6 +336,10 @@ struct ScalarRows {
 };
 
 }  // namespace detail
+
+// Whether the rows of a residual are evaluated eight at a time.
+template <class R>
+inline constexpr bool kEvaluatedInPacks = detail::PackedResidual<R>;
 
 // Evaluates the rows of one table at a point into `out`, whose r (and J, unless null) have room for them. Inactive
 // lanes and those past out.rows, up to the next multiple of eight, are not valid and hold zeros.

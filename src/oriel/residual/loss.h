@@ -49,6 +49,25 @@ LossValue<S> evaluate_loss(LossKind kind, const S& scale, const S& s) {
   return {s, S(1.0)};
 }
 
+// Eight rows, each with a kind (as a number) and a scale of its own.
+inline LossValue<Pack> evaluate_losses(Pack kind, Pack scale, Pack s) {
+  LossValue<Pack> value = {s, Pack(1.0)};
+  const auto is_huber = (kind >= Pack(1.0)) & (kind <= Pack(1.0)), is_cauchy = kind > Pack(1.0);
+  bool huber = false, cauchy = false;
+  for (int l = 0; l < Pack::kLanes; ++l) huber |= is_huber.v[l] != 0, cauchy |= is_cauchy.v[l] != 0;
+  if (huber) {
+    const auto v = evaluate_loss(LossKind::huber, scale, s);
+    value = {select(is_huber, v.rho, value.rho), select(is_huber, v.weight, value.weight)};
+  }
+  for (int l = 0; cauchy && l < Pack::kLanes; ++l) {
+    if (is_cauchy.v[l] == 0) continue;
+    const auto v = evaluate_loss(LossKind::cauchy, scale[l], s[l]);
+    value.rho.set(l, v.rho);
+    value.weight.set(l, v.weight);
+  }
+  return value;
+}
+
 constexpr std::string_view name_of(LossKind kind) {
   return kind == LossKind::huber ? "huber" : kind == LossKind::cauchy ? "cauchy" : "none";
 }

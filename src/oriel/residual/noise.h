@@ -54,13 +54,17 @@ struct FullNoise {
   }
   template <class S, int C>
   static void whiten(const std::array<S, kEntries>& noise, Mat<S, N, C>& a) {
-    for (int j = 0; j < C; ++j) {
-      int e = 0;
-      for (int i = 0; i < N; ++i) {  // row i reads rows ≥ i only, so a may be overwritten on the way down
-        S s = noise[e++] * a(i, j);
-        for (int k = i + 1; k < N; ++k) s = s + noise[e++] * a(k, j);
-        a(i, j) = s;
-      }
+    int e = 0;
+    for (int i = 0; i < N; ++i) {  // row i reads rows ≥ i only, so a may be overwritten on the way down
+      S s[C];                      // all columns side by side: no sum waits for the one before
+#pragma GCC unroll 9
+      for (int j = 0; j < C; ++j) s[j] = noise[e] * a(i, j);
+      for (int k = i + 1; k < N; ++k)
+#pragma GCC unroll 9
+        for (int j = 0; j < C; ++j) s[j] = s[j] + noise[e + k - i] * a(k, j);
+#pragma GCC unroll 9
+      for (int j = 0; j < C; ++j) a(i, j) = s[j];
+      e += N - i;
     }
   }
 };

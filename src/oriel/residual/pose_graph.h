@@ -4,6 +4,7 @@
 #pragma once
 #include "oriel/manifold/se2.h"
 #include "oriel/manifold/se3.h"
+#include "oriel/residual/linearize_rows.h"
 #include "oriel/residual/residual.h"
 
 namespace oriel {
@@ -102,5 +103,16 @@ struct PoseGraphEdge2 {
   }
 };
 using PoseGraphEdge2d = PoseGraphEdge2<double>;
+
+// Compiled once, in the library.
+extern template void linearize_rows<PoseGraphEdge2d, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<PoseGraphEdge2d, DiagonalNoise<3>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<PoseGraphEdge2d, FullNoise<3>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<PoseGraphEdge3d, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<PoseGraphEdge3d, DiagonalNoise<6>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<PoseGraphEdge3d, FullNoise<6>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<PoseGraphEdgeLog3d, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<PoseGraphEdgeLog3d, DiagonalNoise<6>>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<PoseGraphEdgeLog3d, FullNoise<6>>(const RowPointers&, Batch&) noexcept;
 
 }  // namespace oriel

@@ -11,6 +11,7 @@
 #include "oriel/manifold/inverse_depth.h"
 #include "oriel/manifold/se3.h"
 #include "oriel/manifold/vector.h"
+#include "oriel/residual/linearize_rows.h"
 #include "oriel/residual/residual.h"
 #include "oriel/sensor/stereo_rig.h"
 
@@ -220,5 +221,15 @@ struct MonoPointReprojection {
   }
 };
 using MonoPointReprojectiond = MonoPointReprojection<double>;
+
+// Compiled once, in the library.
+extern template void linearize_rows<StereoReprojectiond, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<MonoReprojectiond, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<MonoReprojection<double, 1>, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<AnchorReprojectiond, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<StereoPointReprojectiond, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<MonoPointReprojectiond, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
+extern template void linearize_rows<MonoPointReprojection<double, 1>, IsotropicNoise>(const RowPointers&,
+                                                                                      Batch&) noexcept;
 
 }  // namespace oriel

@@ -50,9 +50,9 @@ bool Minimizer::start() {
   summary_.landmark_dim = s.dim() - s.kept_dim();
   summary_.fronts = static_cast<int>(s.factorization().symbolic().fronts().size());
   summary_.factor_flops = s.factorization().symbolic().flops();
-  summary_.schur_flops = e_.schur_.flops();
+  summary_.schur_flops = s.landmark_flops();
   summary_.linear_solver = s.landmarks().empty() ? "multifrontal"
-                           : e_.schur_.dense()   ? "landmark_schur_panel+multifrontal"
+                           : s.landmark_panel()  ? "landmark_schur_panel+multifrontal"
                                                  : "landmark_schur+multifrontal";
   const double automatic = s.landmarks().empty() ? 1e-8 : 1e-4;
   lambda_ = options_.method == Method::gauss_newton ? 0.0
@@ -61,6 +61,7 @@ bool Minimizer::start() {
   fallbacks_before_ = e_.linearizer_.kernel_fallbacks();
   e_.solution_.version = e_.graph_->version();  // what the user sets from now on (in a callback) is newer (C5)
   e_.point_.take(*e_.graph_);
+  e_.linearizer_.first_estimates = options_.first_estimates;
   if (options_.trace)
     summary_.trace.reserve(static_cast<std::size_t>(std::clamp(options_.max_iterations, 0, 1000)) + 1);
   evaluate(e_.point_, nullptr, e_.active_);
@@ -103,8 +104,7 @@ void Minimizer::evaluate(const Point& point, const ActiveSet* frozen, ActiveSet&
 void Minimizer::linearize() {
   if (out_of_time()) return;
   Stage stage(*this, summary_.seconds.linearize);
-  e_.linearizer_.first_estimates = options_.first_estimates;
-  e_.linearizer_.linearize(*e_.graph_, e_.structure_, e_.point_, e_.system_, pool_);
+  e_.linearizer_.linearize(*e_.graph_, e_.structure_, e_.point_, &e_.active_, e_.system_, pool_);
   ++summary_.linearizations;
   summary_.gradient = largest(e_.system_.gradient);
   if (!summary_.trace.empty()) summary_.trace.back().gradient = summary_.gradient;

@@ -21,9 +21,9 @@ double NativeEngine::cost() noexcept {
 Result<void> NativeEngine::linearize(bool first_estimates) {
   if (auto ok = sync(SolveOptions{}); !ok) return ok;
   point_.take(*graph_);
-  linearizer_.evaluate(*graph_, structure_, point_, nullptr, active_, nullptr);
   linearizer_.first_estimates = first_estimates;
-  linearizer_.linearize(*graph_, structure_, point_, system_, nullptr);
+  linearizer_.evaluate(*graph_, structure_, point_, nullptr, active_, nullptr);
+  linearizer_.linearize(*graph_, structure_, point_, &active_, system_, nullptr);
   return {};
 }
 

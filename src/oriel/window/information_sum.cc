@@ -231,35 +231,14 @@ void InformationSum::eliminate_landmarks(int chunk) {
   std::fill(landmark_g_.begin(), landmark_g_.end(), 0.0);
 }
 
-// H += RᵀR, g += Rᵀr. R is trapezoidal as a rule: a slice of its rows begins at the first column that is not zero.
+// H += RᵀR, g += Rᵀr.
 void InformationSum::add(const AbsorbedPrior& p) {
-  const int ld = dense::leading_dimension(p.cols);
-  constexpr int kSlice = 16;
-  prior_.reserve(static_cast<std::int64_t>(ld) * kSlice);
-  product_.reserve(static_cast<std::int64_t>(ld) * p.cols);
-  std::fill_n(product_.data(), static_cast<std::int64_t>(ld) * p.cols, 0.0);
-  int first = 0;
-  for (int k0 = 0; k0 < p.rows; k0 += kSlice) {
-    const int k1 = std::min(k0 + kSlice, p.rows);
-    auto empty = [&](int c) {  // from row k0 on
-      return std::all_of(p.R + static_cast<std::int64_t>(c) * p.rows + k0,
-                         p.R + static_cast<std::int64_t>(c + 1) * p.rows, [](double x) { return x == 0.0; });
-    };
-    while (first < p.cols && empty(first)) ++first;
-    const int from = dense::round_down_8(first);
-    std::fill_n(prior_.data(), static_cast<std::int64_t>(ld) * kSlice, 0.0);
-    for (int c = from; c < p.cols; ++c)
-      for (int k = k0; k < k1; ++k)
-        prior_.data()[static_cast<std::int64_t>(k - k0) * ld + c] = p.R[static_cast<std::int64_t>(c) * p.rows + k];
-    if (from < p.cols)
-      dense::syrk_lower_minus(product_.data() + from + static_cast<std::int64_t>(from) * ld, ld, p.cols - from,
-                              prior_.data() + from, ld, k1 - k0);
-  }
+  const int ld = prior_product_.subtract({p.rows, p.cols, p.R, nullptr});
   for (int c = 0; c < p.cols; ++c) {
     const int column = p.target[c];
     if (column < 0) continue;
     g_.data()[column] += dot(p.R + static_cast<std::int64_t>(c) * p.rows, p.r, p.rows);
-    const double* const from = product_.data() + static_cast<std::int64_t>(c) * ld;
+    const double* const from = prior_product_.product.data() + std::int64_t{c} * ld;
     for (int i = c; i < p.cols; ++i) {
       const int row = p.target[i];
       if (row >= 0) *at(std::max(row, column), std::min(row, column)) -= from[i];

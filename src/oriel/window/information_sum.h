@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "oriel/linear/aligned_buffer.h"
+#include "oriel/linear/prior_product.h"
 #include "oriel/window/absorbed_batch.h"
 
 namespace oriel {
@@ -43,7 +44,8 @@ class InformationSum {
   const MarginalScope* scope_ = nullptr;
   const MarginalComponent* component_ = nullptr;
   int n_ = 0, ld_ = 0, panel_ld_ = 0;
-  AlignedBuffer h_, panel_, prior_, product_, g_, factor_, scale_, active_;
+  PriorProduct prior_product_;
+  AlignedBuffer h_, panel_, g_, factor_, scale_, active_;
   int steps_ = 0;  // rows of the factor so far
   std::vector<double> landmark_v_, landmark_g_, taken_, right_, diagonal_, threshold_, inverse_;
   std::vector<UndeterminedColumn> undetermined_;

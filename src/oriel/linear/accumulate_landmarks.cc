@@ -1,0 +1,167 @@
+#include "oriel/linear/accumulate_landmarks.h"
+
+#include <array>
+
+#include "oriel/linear/lanes.h"
+#include "oriel/linear/linearize.h"
+
+namespace oriel {
+namespace {
+
+using lanes::kLanes, lanes::kStride, lanes::load, lanes::store, lanes::turn, lanes::V8;
+
+constexpr int kLargestDim = 9, kLargestLandmark = 3, kMostOthers = 3;
+constexpr int kMostEntries = 16 + kMostOthers * kLargestDim * kLargestLandmark + 7;
+
+// out = Aᵀ B over residual rows, eight lanes at once, column by column; A and B are columns of J.
+template <int DA, int DB>
+void multiply(const double* a, const double* b, int dim, V8* out) {
+  V8 s[DA * DB] = {};
+  for (int r = 0; r < dim; ++r) {
+    V8 x[DA];
+#pragma GCC unroll 9
+    for (int i = 0; i < DA; ++i) x[i] = load(a + (i * dim + r) * kStride);
+#pragma GCC unroll 3
+    for (int c = 0; c < DB; ++c) {
+      const V8 y = load(b + (c * dim + r) * kStride);
+#pragma GCC unroll 9
+      for (int i = 0; i < DA; ++i) s[c * DA + i] += x[i] * y;
+    }
+  }
+#pragma GCC unroll 27
+  for (int k = 0; k < DA * DB; ++k) out[k] = s[k];
+}
+void multiply_any(int da, int db, const double* a, const double* b, int dim, V8* out) {
+  for (int c = 0; c < db; ++c)
+    for (int i = 0; i < da; ++i) {
+      V8 s{};
+      for (int r = 0; r < dim; ++r) s += load(a + (i * dim + r) * kStride) * load(b + (c * dim + r) * kStride);
+      out[c * da + i] = s;
+    }
+}
+
+using Kernel = void (*)(const double*, const double*, int, V8*);
+constexpr int kIndexOfDim[10] = {-1, 0, 1, 2, -1, -1, 3, 4, -1, 5};
+template <int DB>
+constexpr std::array<Kernel, 6> kernels_of() {
+  return {&multiply<1, DB>, &multiply<2, DB>, &multiply<3, DB>, &multiply<6, DB>, &multiply<7, DB>, &multiply<9, DB>};
+}
+constexpr std::array<std::array<Kernel, 6>, kLargestLandmark> kKernels = {kernels_of<1>(), kernels_of<2>(),
+                                                                          kernels_of<3>()};
+Kernel find_kernel(int da, int db) { return kIndexOfDim[da] < 0 ? nullptr : kKernels[db - 1][kIndexOfDim[da]]; }
+
+// to += from, D values: whole vectors first.
+template <int D>
+void add(double* to, const double* from) {
+  using V4 = double __attribute__((vector_size(32)));
+  using V2 = double __attribute__((vector_size(16)));
+  auto piece = [&]<class V>(V, int at) {
+    V x, y;
+    std::memcpy(&x, to + at, sizeof(V));
+    std::memcpy(&y, from + at, sizeof(V));
+    x += y;
+    std::memcpy(to + at, &x, sizeof(V));
+  };
+  if constexpr (D >= 8) piece(V8{}, 0);
+  if constexpr (D % 8 >= 4) piece(V4{}, D / 8 * 8);
+  if constexpr (D % 4 >= 2) piece(V2{}, D / 4 * 4);
+  if constexpr (D % 2 == 1) to[D - 1] += from[D - 1];
+}
+void add_any(double* to, const double* from, int dim) {
+  switch (dim) {
+    case 3:
+      return add<3>(to, from);
+    case 6:
+      return add<6>(to, from);
+    case 9:
+      return add<9>(to, from);
+    default:
+      for (int i = 0; i < dim; ++i) to[i] += from[i];
+  }
+}
+
+// What a plan's rows have in common.
+struct Layout {
+  struct Other {
+    const double* columns = nullptr;  // of J
+    int argument = 0, dim = 0, entry = 0;
+    Kernel kernel = nullptr;
+  };
+  int landmark_dim = 0, count = 0, entries = 0;
+  const double* landmark = nullptr;
+  Other others[kMostOthers];
+
+  Layout(const TablePlan& plan, const Batch& batch) {
+    auto columns = [&](const TablePlan::Argument& a) { return batch.J + a.column * batch.dim * kStride; };
+    const std::size_t m = static_cast<std::size_t>(plan.landmark_argument);
+    landmark_dim = plan.arguments[m].dim;
+    landmark = columns(plan.arguments[m]);
+    entries = landmark_dim * (landmark_dim + 1);
+    for (std::size_t a = 0; a < plan.arguments.size(); ++a) {
+      if (a == m) continue;
+      const int dim = plan.arguments[a].dim;
+      others[count++] = {columns(plan.arguments[a]), static_cast<int>(a), dim, entries, find_kernel(dim, landmark_dim)};
+      entries += dim * landmark_dim;
+    }
+  }
+};
+
+// V (whole), g, then W by argument, of eight rows: entries of a lane stand together.
+struct Products {
+  alignas(64) double by_lane[kLanes][(kMostEntries + 7) / 8 * 8];
+
+  void fill(const Layout& layout, const Batch& batch, int lane, std::int64_t& fallbacks) {
+    V8 p[kMostEntries + 8];
+    const double* m = layout.landmark + lane;
+    const int dm = layout.landmark_dim;
+    const Kernel own = find_kernel(dm, dm), gradient = find_kernel(dm, 1);
+    own(m, m, batch.dim, p);
+    gradient(m, batch.r + lane, batch.dim, p + dm * dm);
+    for (int k = 0; k < layout.count; ++k) {
+      const Layout::Other& o = layout.others[k];
+      if (o.kernel != nullptr)
+        o.kernel(o.columns + lane, m, batch.dim, p + o.entry);
+      else
+        multiply_any(o.dim, dm, o.columns + lane, m, batch.dim, p + o.entry), ++fallbacks;
+    }
+    for (int e = 0; e < layout.entries; e += 8) {
+      V8 x[8];
+#pragma GCC unroll 8
+      for (int k = 0; k < 8; ++k) x[k] = p[e + k];
+      turn(x);
+#pragma GCC unroll 8
+      for (int l = 0; l < kLanes; ++l) store(&by_lane[l][e], x[l]);
+    }
+  }
+};
+
+}  // namespace
+
+void accumulate_landmarks(const LinearStructure& structure, const TablePlan& plan, std::size_t first,
+                          const Batch& batch, LinearSystem& out, std::int64_t& kernel_fallbacks) {
+  const Layout layout(plan, batch);
+  const std::size_t n = plan.arguments.size();
+  const int dm = layout.landmark_dim, own = dm * (dm + 1);
+  double* const store = out.landmarks.data();
+  Products products;
+  for (int lane = 0; lane < batch.rows; lane += kLanes) {
+    products.fill(layout, batch, lane, kernel_fallbacks);
+    for (int l = 0; l < kLanes && lane + l < batch.rows; ++l) {
+      const std::size_t row = first + static_cast<std::size_t>(lane + l);
+      if ((batch.valid >> (lane + l) & 1) == 0 || plan.landmark[row] < 0) continue;
+      const LandmarkBlock& block = structure.landmarks()[static_cast<std::size_t>(plan.landmark[row])];
+      const double* const from = products.by_lane[l];
+      double* const v = store + block.v();  // g follows V
+      for (int i = 0; i < own; ++i) v[i] += from[i];
+      for (int k = 0; k < layout.count; ++k) {
+        const Layout::Other& o = layout.others[k];
+        const std::size_t at = row * n + static_cast<std::size_t>(o.argument);
+        if (plan.targets[at].kind != Target::Kind::kept) continue;
+        double* w = store + block.w() + plan.panel_row[at];
+        for (int q = 0; q < dm; ++q, w += block.rows) add_any(w, from + o.entry + q * o.dim, o.dim);
+      }
+    }
+  }
+}
+
+}  // namespace oriel
