@@ -1,6 +1,5 @@
 #include "oriel/graph/edit_validator.h"
 
-#include <algorithm>
 #include <cmath>
 
 namespace oriel {
@@ -23,17 +22,20 @@ bool free_for(const Column& c, const SlotIndex& slots, SlotKey key) {
   return slots.find_slot(key.index) == SlotIndex::kNone || c.removes(slots.key_of_slot(key.index));
 }
 
-// One slot named twice, under whatever generations.
-bool has_twice(std::vector<SlotKey> keys) {  // rare path: edits that were not lent here, and removals of several priors
-  std::sort(keys.begin(), keys.end(), [](SlotKey a, SlotKey b) { return a.index < b.index; });
-  return std::adjacent_find(keys.begin(), keys.end(), [](SlotKey a, SlotKey b) { return a.index == b.index; }) !=
-         keys.end();
-}
+SlotKey key_of(SlotKey key) { return key; }
 template <class Added>
-bool has_twice(const std::vector<Added>& added) {
-  std::vector<SlotKey> keys;
-  for (const Added& a : added) keys.push_back(a.key);
-  return has_twice(std::move(keys));
+SlotKey key_of(const Added& added) {
+  return added.key;
+}
+
+// One slot named twice, under whatever generations. `marks` is empty before and after.
+template <class Items>
+bool has_twice(const Items& items, edit::SlotMarks& marks) {
+  for (std::size_t i = 0; i < items.size(); ++i) marks.set(key_of(items[i]).index, static_cast<std::uint32_t>(i));
+  bool twice = false;
+  for (std::size_t i = 0; i < items.size(); ++i) twice = twice || marks.find(key_of(items[i]).index) != i;
+  for (const auto& item : items) marks.forget(key_of(item).index);
+  return twice;
 }
 
 }  // namespace
@@ -82,7 +84,7 @@ Result<void> EditValidator::added_variables(const edit::Variables& c) const {
     const SlotIndex& slots = pool == nullptr ? kNoSlots : pool->slots();
     if (!slots.is_new(a.key, c.added.size()) ||
         (slots.find_slot(a.key.index) != SlotIndex::kNone && !c.removes(slots.key_of_slot(a.key.index))))
-      return Error{ErrorCode::stale_id, "add: the id " + name() + " was used before"};
+      return Error{ErrorCode::duplicate, "add: the id " + name() + " is or was in use"};
     if (a.serial != 0 && a.serial <= serial)
       return Error{ErrorCode::conflict, "add: the serial of " + name() + " is not above those in the graph"};
     if (a.serial != 0) serial = a.serial;
@@ -132,7 +134,7 @@ Result<void> EditValidator::added_factors(const edit::Factors& c, const SlotInde
     if (a.serial != 0) serial = a.serial;
     if (auto ok = factor(c, i); !ok) return ok;
   }
-  if (edit_.lender() != &graph_ && has_twice(c.added))
+  if (has_twice(c.added, marks_))
     return Error{ErrorCode::duplicate, "add: two factors of " + std::string(c.ops->residual) + " have the same id"};
   return {};
 }
@@ -165,8 +167,7 @@ Result<void> EditValidator::priors() const {
   for (const SlotKey k : c.removed)
     if (graph_.priors().slots().find(k) == SlotIndex::kNone)
       return Error{ErrorCode::stale_id, "remove: linear prior " + key_text(k) + " is not in the graph"};
-  if (c.removed.size() > 1 && has_twice(c.removed))
-    return Error{ErrorCode::duplicate, "remove: a linear prior is named twice"};
+  if (has_twice(c.removed, marks_)) return Error{ErrorCode::duplicate, "remove: a linear prior is named twice"};
   std::uint64_t serial = graph_.priors().slots().last_serial();
   for (const edit::AddedPrior& p : c.added) {
     if (!free_for(c, graph_.priors().slots(), p.key))
@@ -176,8 +177,7 @@ Result<void> EditValidator::priors() const {
     if (p.serial != 0) serial = p.serial;
     if (auto ok = prior(p); !ok) return ok;
   }
-  if (edit_.lender() != &graph_ && has_twice(c.added))
-    return Error{ErrorCode::duplicate, "add: two linear priors have the same id"};
+  if (has_twice(c.added, marks_)) return Error{ErrorCode::duplicate, "add: two linear priors have the same id"};
   return {};
 }
 

@@ -6,7 +6,9 @@ namespace oriel {
 
 class EditValidator {
  public:
-  EditValidator(const Graph& graph, const GraphEdit& edit) : graph_(graph), edit_(edit) {}
+  // `marks` is scratch, empty before and after: ids may have been given elsewhere, whoever lent the edit.
+  EditValidator(const Graph& graph, const GraphEdit& edit, edit::SlotMarks& marks)
+      : graph_(graph), edit_(edit), marks_(marks) {}
   Result<void> validate() const;
 
  private:
@@ -23,6 +25,7 @@ class EditValidator {
 
   const Graph& graph_;
   const GraphEdit& edit_;
+  edit::SlotMarks& marks_;
 };
 
 }  // namespace oriel

@@ -12,7 +12,7 @@ Graph::~Graph() = default;
 
 Result<void> Graph::apply(GraphEdit& edit) noexcept {
   if (edit.applied()) return Error{ErrorCode::conflict, "apply: this edit was applied already; clear() it first"};
-  if (auto ok = EditValidator(*this, edit).validate(); !ok) return ok;
+  if (auto ok = EditValidator(*this, edit, marks_).validate(); !ok) return ok;
   EditCommit(*this, edit).run();
   return {};
 }

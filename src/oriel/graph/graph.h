@@ -139,6 +139,7 @@ class Graph {
   ChangeLog log_;
   std::vector<std::uint32_t> touched_priors_;  // scratch of apply
   std::vector<VariableRef> prior_refs_;        // scratch of apply
+  edit::SlotMarks marks_;                      // scratch of apply
   GraphEdit derived_;                          // scratch of apply: priors that lose variables
   std::uint64_t version_ = 0, structure_version_ = 0, next_serial_ = 1;
 };

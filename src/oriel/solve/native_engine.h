@@ -28,6 +28,7 @@ class NativeEngine final : public Engine {
   Summary solve(const SolveOptions& options) noexcept override;
   Summary solve() noexcept { return solve(SolveOptions{}); }
   double cost() noexcept override;
+  Result<EngineContents> contents() noexcept override;
 
   // Covariance of a variable in its tangent space at the graph's values (after a solve: at the solution), given all
   // that the graph knows. An Error where something is undetermined, never a stale or made-up matrix.

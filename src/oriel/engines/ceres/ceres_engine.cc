@@ -137,4 +137,11 @@ Summary CeresEngine::solve(const SolveOptions& options) noexcept {
 
 double CeresEngine::cost() noexcept { return CeresProblem(*graph_, false).cost(); }
 
+Result<EngineContents> CeresEngine::contents() noexcept {
+  CeresProblem problem(*graph_, false);
+  EngineContents out = problem.contents(*graph_);
+  out.cost = problem.cost();
+  return out;
+}
+
 }  // namespace oriel

@@ -17,6 +17,7 @@ class CeresEngine final : public Engine {
   // a step to where another one turns invalid is refused.
   Summary solve(const SolveOptions& options) noexcept override;
   double cost() noexcept override;
+  Result<EngineContents> contents() noexcept override;
 
  private:
   Graph* graph_;

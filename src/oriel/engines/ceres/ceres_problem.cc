@@ -64,7 +64,8 @@ void CeresProblem::add_factors(const Graph& graph, bool first_estimates) {
       for (const VariableRef& ref : table->variables(row))
         arguments.push_back(argument(graph, ref, first_estimates, factor.blocks));
       factor.cost = new FactorCost(table->ops(), table->measurement(row), table->noise(row), std::move(arguments));
-      problem_->AddResidualBlock(factor.cost, loss(table->loss(row)), factor.blocks);
+      residuals_.emplace(problem_->AddResidualBlock(factor.cost, loss(table->loss(row)), factor.blocks),
+                         FactorId{table->ops().key, table->slots().key(row)});
       factors_.push_back(std::move(factor));
     }
 }
@@ -76,9 +77,9 @@ void CeresProblem::add_priors(const Graph& graph) {
     std::vector<double*> blocks;
     std::vector<Argument> arguments;
     for (const VariableRef& ref : table.variables(row)) arguments.push_back(argument(graph, ref, false, blocks));
-    problem_->AddResidualBlock(new PriorCost(table.numbers(row), table.estimates(row), std::move(arguments)), nullptr,
-                               blocks);
-    ++priors_;
+    auto* cost = new PriorCost(table.numbers(row), table.estimates(row), std::move(arguments));
+    residuals_.emplace(problem_->AddResidualBlock(cost, nullptr, blocks),
+                       FactorId{PriorTable::kKey, table.slots().key(row)});
   }
 }
 
@@ -112,6 +113,34 @@ Solution CeresProblem::solution(const Graph& graph) const {
     solution.columns.push_back(std::move(column));
   }
   return solution;
+}
+
+EngineContents CeresProblem::contents(const Graph& graph) const {
+  EngineContents out;
+  std::unordered_map<const double*, VariableKey> ids;
+  for (std::size_t p = 0; p < values_.size(); ++p) {
+    const VariablePool& pool = *graph.pools()[p];
+    const auto size = static_cast<std::size_t>(block_size(pool.ops()));
+    for (std::uint32_t d = 0; d < pool.extent() && !values_[p].empty(); ++d) {
+      const double* block = &values_[p][size * d];
+      if (!problem_->HasParameterBlock(block)) continue;
+      const VariableKey id{pool.ops().key, pool.slots().key(d)};
+      const auto* value = reinterpret_cast<const std::byte*>(block);
+      out.parameters.push_back({id, problem_->ParameterBlockTangentSize(block), {value, value + pool.ops().bytes}});
+      ids.emplace(block, id);
+    }
+  }
+  std::vector<ceres::ResidualBlockId> residuals;
+  problem_->GetResidualBlocks(&residuals);
+  std::vector<double*> blocks;
+  for (const ceres::ResidualBlockId block : residuals) {
+    problem_->GetParameterBlocksForResidualBlock(block, &blocks);
+    EngineContents::Residual residual{
+        residuals_.at(block), problem_->GetCostFunctionForResidualBlock(block)->num_residuals(), {}};
+    for (const double* b : blocks) residual.parameters.push_back(ids.at(b));
+    out.residuals.push_back(std::move(residual));
+  }
+  return out;
 }
 
 }  // namespace oriel::ceres_detail

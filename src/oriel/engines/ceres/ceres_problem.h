@@ -3,9 +3,11 @@
 #include <ceres/ceres.h>
 
 #include <memory>
+#include <unordered_map>
 #include <vector>
 
 #include "oriel/engines/ceres/ceres_costs.h"
+#include "oriel/solve/engine_contents.h"
 
 namespace oriel::ceres_detail {
 
@@ -22,9 +24,11 @@ class CeresProblem {
   void freeze();
   bool has_landmarks() const { return has_landmarks_; }
   std::int64_t invalid() const { return invalid_; }
-  std::int64_t factors() const { return static_cast<std::int64_t>(factors_.size() + priors_); }
+  std::int64_t factors() const { return static_cast<std::int64_t>(residuals_.size()); }
   int dim() const { return dim_; }
   Solution solution(const Graph& graph) const;
+  // Read back from the ceres::Problem; all but the cost.
+  EngineContents contents(const Graph& graph) const;
 
  private:
   void add_variables(const Graph& graph);
@@ -43,7 +47,7 @@ class CeresProblem {
   std::vector<std::unique_ptr<ceres::LossFunction>> losses_;
   std::unique_ptr<ceres::Problem> problem_;  // after what it points to, so that it goes first
   std::vector<Factor> factors_;
-  std::size_t priors_ = 0;
+  std::unordered_map<ceres::ResidualBlockId, FactorId> residuals_;  // priors included
   std::int64_t invalid_ = 0;
   int dim_ = 0;
   bool has_landmarks_ = false;
