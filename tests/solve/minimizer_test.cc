@@ -1,11 +1,9 @@
 // What a solve promises: when a step is taken, what a cost means, and what is said at the end.
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <cmath>
 #include <optional>
 #include <sstream>
-#include <thread>
 
 #include "linear/random_problem.h"
 #include "oriel/graph/fingerprint.h"
@@ -332,34 +330,6 @@ TEST(Minimizer, CountsFactorsThatAreInvalidAtTheEnd) {  // V8
   EXPECT_EQ(s.invalid_factors, 1);
   EXPECT_NEAR(graph.value(x).v[0], -1.0, 1e-9);
   EXPECT_NEAR(s.final_cost, 0.0, 1e-12);
-}
-
-TEST(Minimizer, StopsAtADeadlineWithTheBestValuesSoFar) {  // L9
-  Graph graph;
-  GraphEdit edit = graph.edit();
-  const auto x = edit.add(VectorNd<2>{{{-1.2, 1.0}}});
-  edit.add(Rosenbrock{100.0}, Sigma(1.0), x);
-  ASSERT_TRUE(graph.apply(edit));
-  NativeEngine engine(graph);
-  SolveOptions options;
-  options.deadline = Duration::from_seconds(0.02);
-  options.callback = [](const IterationReport& r) {
-    if (r.iteration > 0) std::this_thread::sleep_for(std::chrono::milliseconds(6));
-    return true;
-  };
-  const Summary s = engine.solve(options);
-  EXPECT_EQ(s.reason, Reason::deadline);
-  EXPECT_FALSE(s.converged());
-  EXPECT_FALSE(s.failed());
-  EXPECT_LE(s.iterations, 6);  // no sleep but the last begins after the deadline
-  EXPECT_LE(s.final_cost, s.initial_cost);
-  EXPECT_EQ(engine.cost(), s.final_cost);
-  EXPECT_GE(s.predicted_gain, 0.0);
-  EXPECT_NE(s.reason_text().find("deadline"), std::string::npos);
-  options.deadline = Duration{1};
-  const Summary at_once = engine.solve(options);
-  EXPECT_EQ(at_once.reason, Reason::deadline);
-  EXPECT_EQ(at_once.final_cost, s.final_cost);
 }
 
 TEST(Minimizer, StopsWhenTheCallbackSaysSo) {

@@ -17,7 +17,7 @@ void for_each_field(State& state, F&& f) {
 template <class Options, class F>
 void for_each_number(Options& options, F&& f) {
   auto& [method, max_iterations, threads, function_tolerance, gradient_tolerance, step_tolerance, initial_lambda,
-         deadline, first_estimates, trace, ordering, callback] = options;
+         deadline, first_estimates, trace, ordering, callback, clock] = options;
   f(max_iterations);
   f(threads);
   f(function_tolerance);
@@ -25,8 +25,9 @@ void for_each_number(Options& options, F&& f) {
   f(step_tolerance);
   f(initial_lambda);
   f(first_estimates);
-  static_cast<void>(method), static_cast<void>(ordering);                              // enums: checked by the reader
-  static_cast<void>(deadline), static_cast<void>(callback), static_cast<void>(trace);  // do not travel
+  static_cast<void>(method), static_cast<void>(ordering);  // enums: checked by the reader
+  // These do not travel.
+  static_cast<void>(deadline), static_cast<void>(callback), static_cast<void>(clock), static_cast<void>(trace);
 }
 
 template <class T>
@@ -43,6 +44,7 @@ SolveRequest request_of(const SolveOptions& options, const SolverState& before, 
   if (cut) q.options.max_iterations = summary.accepted + summary.rejected;
   q.options.deadline = {};
   q.options.callback = nullptr;
+  q.options.clock = nullptr;
   return q;
 }
 

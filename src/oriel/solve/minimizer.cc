@@ -3,6 +3,7 @@
 #include "oriel/solve/minimizer.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 namespace oriel {
@@ -20,7 +21,7 @@ double largest(const std::vector<double>& v) {
 }  // namespace
 
 Minimizer::Minimizer(NativeEngine& engine, const SolveOptions& options)
-    : e_(engine), options_(options), began_(std::chrono::steady_clock::now()) {}
+    : e_(engine), options_(options), began_(now()) {}
 
 Summary Minimizer::run() {
   if (start())
@@ -74,24 +75,30 @@ bool Minimizer::start() {
   return !stopped_;
 }
 
-// One trial. True when a new linearization is wanted.
+// One trial. True when a new linearization is wanted, or nothing more. A trial that a deadline cut short is no
+// iteration: a replay that is told their number does the same work.
 bool Minimizer::iterate() {
   if (summary_.iterations >= options_.max_iterations) {
     stop(Reason::max_iterations, summary_.iterations, options_.max_iterations);
     return true;
   }
-  ++summary_.iterations;
+  if (out_of_time()) return true;
   solved_ = solve_linear();
-  if (!solved_) {
-    reject();
-    return false;
+  if (stopped_) return true;
+  double gain = 0.0;
+  if (solved_) {
+    summary_.predicted_gain = gain = predicted_gain();
+    summary_.gain_open = true;
+    if (out_of_time()) return true;
+    if (!step_is_tiny()) step_to_trial();
+    if (!stopped_ && out_of_time()) return true;
   }
-  const double gain = predicted_gain();
-  summary_.predicted_gain = gain;
-  if (step_is_tiny() || out_of_time()) return true;
-  step_to_trial();
-  evaluate(e_.trial_, &e_.active_, e_.trial_active_);
-  if (accept(e_.trial_active_.total, gain)) return true;
+  ++summary_.iterations;
+  if (stopped_) return true;
+  if (solved_) {
+    evaluate(e_.trial_, &e_.active_, e_.trial_active_);
+    if (accept(e_.trial_active_.total, gain)) return true;
+  }
   reject();
   return false;
 }
@@ -114,6 +121,7 @@ void Minimizer::linearize() {
     stop(Reason::gradient_tolerance, summary_.gradient, options_.gradient_tolerance);
 }
 
+// False without a solution; or, with stopped_, where a deadline passed between two of its stages.
 bool Minimizer::solve_linear() {
   const LinearStructure& s = e_.structure_;
   Multifrontal& factorization = e_.structure_.factorization();
@@ -136,6 +144,7 @@ bool Minimizer::solve_linear() {
       h = e_.reduced_.data();
     }
   }
+  if (out_of_time()) return false;
   {
     Stage stage(*this, summary_.seconds.factor);
     const FactorReport& report = factorization.factor(h, e_.damping_.data(), pool_);
@@ -143,6 +152,7 @@ bool Minimizer::solve_linear() {
     suspicious_ = empty || report.status == FactorReport::Status::undetermined ||
                   report.smallest_ratio < 1e-10 + 10 * lambda_ || !e_.schur_.undetermined().empty();
   }
+  if (out_of_time()) return false;
   Stage stage(*this, summary_.seconds.solve);
   factorization.solve(e_.rhs_.data(), e_.step_.data());
   if (!s.landmarks().empty()) e_.schur_.back_substitute(s, e_.system_, e_.damping_.data(), e_.step_.data(), pool_);
@@ -173,6 +183,7 @@ bool Minimizer::accept(double trial_cost, double gain) {
   if (!(decrease > 0.0)) return converged_by_cost(std::fabs(decrease)) && gain <= options_.function_tolerance * cost_;
   std::swap(e_.point_, e_.trial_);
   ++summary_.accepted;
+  summary_.gain_open = false;
   const bool sides_changed = e_.trial_active_.valid != e_.active_.valid;
   std::swap(e_.active_, e_.trial_active_);
   if (sides_changed) evaluate(e_.point_, nullptr, e_.active_);  // the active set freezes at the accepted point
@@ -192,7 +203,7 @@ bool Minimizer::accept(double trial_cost, double gain) {
 // others from here were rejected. False for a cost that is not a number.
 bool Minimizer::converged_by_cost(double decrease) {
   const double bound = options_.function_tolerance * cost_;
-  if (!(decrease <= bound) || !(summary_.predicted_gain <= bound) || nu_ > 2.0) return false;
+  if (!(decrease <= bound) || !(summary_.predicted_gain.value_or(HUGE_VAL) <= bound) || nu_ > 2.0) return false;
   stop(Reason::function_tolerance, decrease, options_.function_tolerance * cost_);
   return true;
 }
@@ -218,9 +229,10 @@ bool Minimizer::step_is_tiny() {
 }
 
 bool Minimizer::out_of_time() {
-  const double bound = options_.deadline.seconds();
-  if (options_.deadline.ns <= 0 || seconds() <= bound) return false;
-  stop(Reason::deadline, seconds(), bound);
+  if (options_.deadline.ns <= 0) return false;
+  const double bound = options_.deadline.seconds(), so_far = seconds();
+  if (so_far <= bound) return false;
+  stop(Reason::deadline, so_far, bound);
   return true;
 }
 
@@ -249,7 +261,8 @@ void Minimizer::finish() {
   summary_.kernel_fallbacks = e_.linearizer_.kernel_fallbacks() - fallbacks_before_;
   // A start without gradient was never factored; what is undetermined there must be told all the same.
   if (summary_.reason == Reason::gradient_tolerance && summary_.iterations == 0) solve_linear();
-  if (suspicious_ || (summary_.linearizations > 0 && has_weak_landmark())) find_undetermined();
+  const bool in_time = summary_.reason != Reason::deadline;
+  if (in_time && (suspicious_ || (summary_.linearizations > 0 && has_weak_landmark()))) find_undetermined();
   {
     Stage stage(*this, summary_.seconds.adopt);
     if (!summary_.failed() && summary_.accepted > 0 && !e_.adopt_point()) summary_.reason = Reason::not_finite;
@@ -259,8 +272,9 @@ void Minimizer::finish() {
   summary_.seconds.total = seconds();
 }
 
-double Minimizer::seconds() const {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
+double Minimizer::now() const {
+  if (options_.clock) return options_.clock();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
 }  // namespace oriel

@@ -1,7 +1,5 @@
 // One solve: the main loop, and its stages as verbs.
 #pragma once
-#include <chrono>
-
 #include "oriel/solve/native_engine.h"
 
 namespace oriel {
@@ -29,7 +27,8 @@ class Minimizer {
   void finish();
   bool has_weak_landmark() const;
   void find_undetermined();
-  double seconds() const;
+  double now() const;
+  double seconds() const { return now() - began_; }
 
   // Adds the time of its life to a stage.
   class Stage {
@@ -47,7 +46,7 @@ class Minimizer {
   const SolveOptions& options_;
   Summary summary_;
   TaskPool* pool_ = nullptr;
-  std::chrono::steady_clock::time_point began_;
+  double began_;                       // [s]
   std::int64_t fallbacks_before_ = 0;  // the linearizer counts on over all solves
   double cost_ = 0.0, lambda_ = 0.0, nu_ = 2.0;
   bool stopped_ = false, suspicious_ = false;

@@ -31,12 +31,16 @@ struct SolveOptions {
   // Damping to begin with, relative to the diagonal of H. 0: 1e-4 where landmarks are eliminated (their depths are far
   // from linear), 1e-8 elsewhere (a pose graph from a fair start is best left to Gauss–Newton).
   double initial_lambda = 0.0;
-  Duration deadline{0};         // comes back at most one stage after it; 0: none
+  // Comes back at most one stage after it (linearize, eliminate, factor, solve, retract, evaluate) with the best values
+  // so far; layout, ordering and the first cost are one stage, the start. 0: none.
+  Duration deadline{0};
   bool first_estimates = true;  // Jacobians at first estimates where a prior has fixed them
   bool trace = true;            // keep an IterationReport for each iteration
   OrderingMethod ordering = OrderingMethod::automatic;
   // Called after each iteration; false stops the solve with the best values so far.
   std::function<bool(const IterationReport&)> callback = {};
+  // What the deadline and all times are measured by, seconds since whenever; empty: the steady clock of the machine.
+  std::function<double()> clock = {};
 };
 
 }  // namespace oriel

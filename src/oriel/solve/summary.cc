@@ -38,6 +38,16 @@ std::string Summary::reason_text() const {
   return "";
 }
 
+std::string Summary::left_text() const {
+  if (!predicted_gain) return "left to gain: not known, no step was computed";
+  char text[128];
+  std::snprintf(text, sizeof text,
+                gain_open ? "left to gain: %.3g, by the linear model"
+                          : "left to gain: not known; the step before was to gain %.3g and was taken",
+                *predicted_gain);
+  return text;
+}
+
 std::ostream& operator<<(std::ostream& out, const Summary& s) {
   char text[512];
   std::snprintf(
@@ -51,6 +61,7 @@ std::ostream& operator<<(std::ostream& out, const Summary& s) {
       s.seconds.eliminate * 1e3, s.seconds.factor * 1e3, s.seconds.solve * 1e3, s.seconds.evaluate * 1e3,
       s.seconds.adopt * 1e3);
   out << text;
+  if (!s.converged() && !s.failed()) out << "  " << s.left_text() << '\n';
   if (!s.undetermined.empty()) out << "  " << s.undetermined.size() << " directions that nothing determines\n";
   if (!s.gauge.empty()) out << "  gauge: " << s.gauge.size() << " directions common to all\n";
   return out;

@@ -2,6 +2,7 @@
 #pragma once
 #include <array>
 #include <iosfwd>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -49,10 +50,14 @@ struct [[nodiscard]] Summary {
   Method method = Method::levenberg_marquardt;
   int iterations = 0, accepted = 0, rejected = 0, linearizations = 0;
   double initial_cost = 0.0;
-  double final_cost = 0.0;      // over the factors that were active at the last accepted point
-  double fresh_cost = 0.0;      // over the factors that are valid at the final values; differs where some changed sides
-  double gradient = 0.0;        // largest entry at the last linearization
-  double predicted_gain = 0.0;  // what the last linear model still promised [cost]
+  double final_cost = 0.0;  // over the factors that were active at the last accepted point
+  double fresh_cost = 0.0;  // over the factors that are valid at the final values; differs where some changed sides
+  double gradient = 0.0;    // largest entry at the last linearization
+  // What the newest linear model promised to gain by its step [cost]; none before a step was computed. While the step
+  // was not taken (gain_open) this is what is left to gain. Once it was taken, what is left is not known, since nothing
+  // was linearized after it; as a rule it is less.
+  std::optional<double> predicted_gain;
+  bool gain_open = false;
   double lambda = 0.0;
   std::int64_t factors = 0, invalid_factors = 0, not_finite_factors = 0;
   int kept_dim = 0, landmark_dim = 0, fronts = 0;
@@ -61,6 +66,7 @@ struct [[nodiscard]] Summary {
   const char* linear_solver = "";
   StageTimes seconds;
   std::vector<IterationReport> trace;
+  // Neither is looked for once a deadline has passed.
   std::vector<UndeterminedDirection> undetermined;  // confined to few variables: something is missing
   std::vector<UndeterminedDirection> gauge;         // common to many: where and how the whole is turned
 
@@ -72,6 +78,8 @@ struct [[nodiscard]] Summary {
   bool failed() const { return reason == Reason::not_finite || reason == Reason::diverged; }
   // "|decrease| 3.1e-12 <= 1e-09 * cost"
   std::string reason_text() const;
+  // "left to gain: 0.013, by the linear model"
+  std::string left_text() const;
 };
 
 std::ostream& operator<<(std::ostream& out, const Summary& summary);
