@@ -23,6 +23,34 @@ std::int64_t doubles_of(const TablePlan& plan, bool jacobians) {
   return std::int64_t{kRows} * dim * (1 + (jacobians ? cols : 0));
 }
 
+// Sums in the order of batches, whoever computed them.
+void add_up(const LinearStructure& structure, ActiveSet& set) {
+  set.total = set.prior_cost;
+  set.invalid = set.not_finite = 0;
+  std::size_t at = 0;
+  for (std::size_t t = 0; t < structure.plan_count(); ++t)
+    for (const std::uint64_t active : structure.plans()[t].active) {
+      double sum = 0.0;
+      for (std::size_t l = 0; l < kRows; ++l) sum += set.cost[at * kRows + l];
+      set.total += sum;
+      set.invalid += std::popcount(active) - std::popcount(set.valid[at]);
+      set.not_finite += std::popcount(set.not_finite_mask[at] | set.no_jacobian[at]);
+      ++at;
+    }
+}
+
+// What the Jacobians of batch `at` say of which of its rows count; true if that changes anything.
+bool note_jacobians(const Batch& batch, std::size_t at, ActiveSet& set) {
+  const std::uint64_t was = set.no_jacobian[at], now = batch.not_finite & ~set.not_finite_mask[at];
+  if (now == was) [[likely]]
+    return false;
+  set.no_jacobian[at] = now;
+  for (int l = 0; l < batch.rows; ++l)
+    if ((now ^ was) >> l & 1u) set.cost[at * kRows + static_cast<std::size_t>(l)] = batch.cost[l];  // 0 without one
+  set.valid[at] = (set.valid[at] & ~now) | (batch.valid & was & ~now);
+  return true;
+}
+
 }  // namespace
 
 // Batch `index` of a plan; before it stand `before` batches of other plans, whose residuals take up `residuals`
@@ -51,8 +79,8 @@ void Linearizer::run_batch(const Graph& graph, const TablePlan& plan, const Poin
                rows);
   rows.active = plan.active[place.index];
   EvaluatedRows before;
-  if (evaluated != nullptr && evaluated->has_residuals) {
-    const std::size_t at = place.before + place.index;
+  const std::size_t at = place.before + place.index;
+  if (evaluated != nullptr && evaluated->has_residuals && evaluated->no_jacobian[at] == 0) {
     const std::int64_t each = doubles_of(plan, false);
     before = {evaluated->valid[at], evaluated->residuals.data() + place.residuals + each * std::int64_t(place.index),
               table.robust() ? &evaluated->weight[at * kRows] : nullptr, &evaluated->cost[at * kRows]};
@@ -65,9 +93,25 @@ void Linearizer::run_batch(const Graph& graph, const TablePlan& plan, const Poin
 
 void Linearizer::evaluate(const Graph& graph, const LinearStructure& structure, const Point& point,
                           const ActiveSet* frozen, ActiveSet& out, TaskPool* pool) {
+  std::size_t count = 0;
+  for (std::size_t t = 0; t < structure.plan_count(); ++t) count += batches_of(structure.plans()[t]);
+  if (frozen != nullptr)
+    out.no_jacobian = frozen->no_jacobian;
+  else
+    out.no_jacobian.assign(count, 0);
+  sum_costs(graph, structure, point, frozen, out, pool);
+}
+
+void Linearizer::refresh(const Graph& graph, const LinearStructure& structure, const Point& point, ActiveSet& set,
+                         TaskPool* pool) {
+  sum_costs(graph, structure, point, nullptr, set, pool);
+}
+
+void Linearizer::sum_costs(const Graph& graph, const LinearStructure& structure, const Point& point,
+                           const ActiveSet* frozen, ActiveSet& out, TaskPool* pool) {
   lay_out(graph, structure, out);
   if (pool != nullptr && scratch_.size() < static_cast<std::size_t>(pool->workers())) scratch_.resize(pool->workers());
-  out.total = out.prior_cost = prior_cost(graph, structure, point);
+  out.prior_cost = prior_cost(graph, structure, point);
   Place place;
   for (std::size_t t = 0; t < structure.plan_count(); ++t) {
     place.plan = t;
@@ -83,16 +127,10 @@ void Linearizer::evaluate(const Graph& graph, const LinearStructure& structure, 
       run_batch(graph, plan, point, at, nullptr, r, nullptr, batch);
       keep(batch, plan.table->robust(), at.before + at.index, frozen, out);
     });
-    for (std::size_t b = 0; b < batches; ++b) {  // sums in the order of batches, whoever computed them
-      double sum = 0.0;
-      for (std::size_t l = 0; l < kRows; ++l) sum += out.cost[(place.before + b) * kRows + l];
-      out.total += sum;
-      out.invalid += std::popcount(plan.active[b]) - std::popcount(out.valid[place.before + b]);
-      out.not_finite += std::popcount(out.not_finite_mask[place.before + b]);
-    }
     place.before += batches;
     place.residuals += each * static_cast<std::int64_t>(batches);
   }
+  add_up(structure, out);
 }
 
 // What rows measured does not change while they live: a cache, made once a structure.
@@ -124,17 +162,15 @@ void Linearizer::pack_measurements(const LinearStructure& structure) {
 
 // Room for all batches.
 void Linearizer::lay_out(const Graph& graph, const LinearStructure& structure, ActiveSet& out) {
-  std::size_t count = 0;
+  const std::size_t count = out.no_jacobian.size();
   std::int64_t doubles = 0;
   for (std::size_t t = 0; t < structure.plan_count(); ++t) {
     const TablePlan& plan = structure.plans()[t];
-    count += batches_of(plan);
     doubles += doubles_of(plan, false) * static_cast<std::int64_t>(batches_of(plan));
   }
   out.valid.assign(count, 0);
   out.not_finite_mask.assign(count, 0);
   out.cost.resize(count * kRows);
-  out.invalid = out.not_finite = 0;
   out.has_residuals = first_estimates && std::any_of(graph.pools().begin(), graph.pools().end(),
                                                      [](const auto& p) { return p->first_estimate_count() > 0; });
   if (out.has_residuals) {
@@ -148,18 +184,18 @@ void Linearizer::lay_out(const Graph& graph, const LinearStructure& structure, A
 // What a batch came to, as batch `at` of all. Of a frozen set's factors, one that is invalid here is charged its old
 // cost, and no other counts (decision 12).
 void Linearizer::keep(const Batch& batch, bool robust, std::size_t at, const ActiveSet* frozen, ActiveSet& out) {
-  out.valid[at] = batch.valid;
+  out.valid[at] = batch.valid & ~out.no_jacobian[at];
   out.not_finite_mask[at] = batch.not_finite;
   double* cost = &out.cost[at * kRows];
   std::copy_n(batch.cost, batch.rows, cost);
   std::fill(cost + batch.rows, cost + kRows, 0.0);
   if (out.has_residuals && robust) std::copy_n(batch.weight, kRows, &out.weight[at * kRows]);
-  if (frozen == nullptr || frozen->valid[at] == batch.valid) return;
+  const std::uint64_t counts = frozen != nullptr ? frozen->valid[at] : out.valid[at];
+  if (counts == batch.valid) return;
   for (int l = 0; l < batch.rows; ++l) {
-    const bool counts = (frozen->valid[at] >> l) & 1, valid = (batch.valid >> l) & 1;
-    if (!counts)
+    if (!(counts >> l & 1))
       cost[l] = 0.0;
-    else if (!valid)
+    else if (!(batch.valid >> l & 1))
       cost[l] = frozen->cost[at * kRows + l];
   }
 }
@@ -173,8 +209,8 @@ void Linearizer::lay_out(const LinearStructure& structure) {
   pack_measurements(structure);
 }
 
-void Linearizer::linearize(const Graph& graph, const LinearStructure& structure, const Point& point,
-                           const ActiveSet* evaluated, LinearSystem& out, TaskPool* pool) {
+void Linearizer::linearize(const Graph& graph, const LinearStructure& structure, const Point& point, ActiveSet* active,
+                           LinearSystem& out, TaskPool* pool) {
   const std::int64_t h = structure.factorization().storage_size();
   out.h.reserve(h);
   out.landmarks.reserve(structure.landmark_store());
@@ -189,17 +225,19 @@ void Linearizer::linearize(const Graph& graph, const LinearStructure& structure,
   not_finite_ = 0;
   lay_out(structure);
   add_prior_gradients(graph, structure, point, out);
-  if (pool != nullptr && pool->workers() > 1)
-    linearize_apart(graph, structure, point, evaluated, out, pool);
-  else
-    linearize_in_turn(graph, structure, point, evaluated, out);
+  const bool changed = pool != nullptr && pool->workers() > 1
+                           ? linearize_apart(graph, structure, point, active, out, pool)
+                           : linearize_in_turn(graph, structure, point, active, out);
+  if (changed) add_up(structure, *active);
   copy_diagonal(structure, out);
   for (const LandmarkBlock& l : structure.landmarks())
     for (int k = 0; k < l.dim; ++k) out.gradient[l.offset + k] += out.landmarks.data()[l.g() + k];
 }
 
-void Linearizer::linearize_in_turn(const Graph& graph, const LinearStructure& structure, const Point& point,
-                                   const ActiveSet* evaluated, LinearSystem& out) {
+// True if the active set is another one now.
+bool Linearizer::linearize_in_turn(const Graph& graph, const LinearStructure& structure, const Point& point,
+                                   ActiveSet* active, LinearSystem& out) {
+  bool changed = false;
   Place place;
   for (std::size_t t = 0; t < structure.plan_count(); ++t) {
     place.plan = t;
@@ -209,19 +247,22 @@ void Linearizer::linearize_in_turn(const Graph& graph, const LinearStructure& st
     double* j = r + doubles_of(plan, false);
     for (place.index = 0; place.index < batches; ++place.index) {
       Batch batch;
-      run_batch(graph, plan, point, place, evaluated, r, j, batch);
+      run_batch(graph, plan, point, place, active, r, j, batch);
       not_finite_ += std::popcount(batch.not_finite);
+      if (active != nullptr) changed |= note_jacobians(batch, place.before + place.index, *active);
       accumulate(structure, plan, place.index * kRows, batch, out, kernel_fallbacks_);
     }
     place.before += batches;
     place.residuals += doubles_of(plan, false) * static_cast<std::int64_t>(batches);
   }
+  return changed;
 }
 
 // Several workers: all batches are evaluated beside each other and kept; the sums are then made in the same order as
 // by one worker, so the bits are the same.
-void Linearizer::linearize_apart(const Graph& graph, const LinearStructure& structure, const Point& point,
-                                 const ActiveSet* evaluated, LinearSystem& out, TaskPool* pool) {
+bool Linearizer::linearize_apart(const Graph& graph, const LinearStructure& structure, const Point& point,
+                                 ActiveSet* active, LinearSystem& out, TaskPool* pool) {
+  bool changed = false;
   Place place;
   for (std::size_t t = 0; t < structure.plan_count(); ++t) {
     place.plan = t;
@@ -234,15 +275,17 @@ void Linearizer::linearize_apart(const Graph& graph, const LinearStructure& stru
       Place at = place;
       at.index = static_cast<std::size_t>(b);
       double* r = stored_.data() + each * b;
-      run_batch(graph, plan, point, at, evaluated, r, r + r_size, batches_[b]);
+      run_batch(graph, plan, point, at, active, r, r + r_size, batches_[b]);
     });
     for (std::size_t b = 0; b < batches; ++b) {
       not_finite_ += std::popcount(batches_[b].not_finite);
+      if (active != nullptr) changed |= note_jacobians(batches_[b], place.before + b, *active);
       accumulate(structure, plan, b * kRows, batches_[b], out, kernel_fallbacks_);
     }
     place.before += batches;
     place.residuals += r_size * static_cast<std::int64_t>(batches);
   }
+  return changed;
 }
 
 // e = x ⊟ x̂ of all variables of a prior.

@@ -24,14 +24,17 @@ struct LinearSystem {
 // Which factors count, and what each costs, at one point (decision 12).
 struct ActiveSet {
   std::vector<std::uint64_t> valid, not_finite_mask;  // a batch each
-  std::vector<double> cost;                           // ½ρ by row, 64 a batch
+  // A batch each: rows whose Jacobian was not finite at the last linearization, though r was. They do not count until a
+  // linearization finds one that is.
+  std::vector<std::uint64_t> no_jacobian;
+  std::vector<double> cost;  // ½ρ by row, 64 a batch
   // Where Jacobians may be taken elsewhere (decision 9): r and √ρ' of all batches, one after the other. Else empty.
   AlignedBuffer residuals;
   std::vector<double> weight;
   bool has_residuals = false;
   double prior_cost = 0.0;
   double total = 0.0;
-  std::int64_t invalid = 0, not_finite = 0;  // rows
+  std::int64_t invalid = 0, not_finite = 0;  // rows; not finite: r or the Jacobian
 };
 
 class Linearizer {
@@ -44,9 +47,14 @@ class Linearizer {
   void evaluate(const Graph& graph, const LinearStructure& structure, const Point& point, const ActiveSet* frozen,
                 ActiveSet& out, TaskPool* pool);
 
-  // The system at the point, over the factors that are valid there. `evaluated`: what evaluate() found at the same
-  // point, or null.
-  void linearize(const Graph& graph, const LinearStructure& structure, const Point& point, const ActiveSet* evaluated,
+  // The same at a point that was accepted, where the set freezes anew: what is known of its Jacobians stays.
+  void refresh(const Graph& graph, const LinearStructure& structure, const Point& point, ActiveSet& set,
+               TaskPool* pool);
+
+  // The system at the point, over the factors that are valid there. `active`, unless null, is the set at this point:
+  // what it knows of residuals is not evaluated again; rows that turn out to have no finite Jacobian leave it, and
+  // those that have one again come back.
+  void linearize(const Graph& graph, const LinearStructure& structure, const Point& point, ActiveSet* active,
                  LinearSystem& out, TaskPool* pool);
 
   std::int64_t kernel_fallbacks() const { return kernel_fallbacks_; }
@@ -62,6 +70,8 @@ class Linearizer {
   void pack_measurements(const LinearStructure& structure);
   void lay_out(const LinearStructure& structure);
   void lay_out(const Graph& graph, const LinearStructure& structure, ActiveSet& out);
+  void sum_costs(const Graph& graph, const LinearStructure& structure, const Point& point, const ActiveSet* frozen,
+                 ActiveSet& out, TaskPool* pool);
   static void keep(const Batch& batch, bool robust, std::size_t at, const ActiveSet* frozen, ActiveSet& out);
   void run_batch(const Graph& graph, const TablePlan& plan, const Point& point, const Place& place,
                  const ActiveSet* evaluated, double* r, double* j, Batch& batch) const;
@@ -69,10 +79,10 @@ class Linearizer {
   void add_prior_gradients(const Graph& graph, const LinearStructure& structure, const Point& point, LinearSystem& out);
   void sum_prior_hessians(const Graph& graph, const LinearStructure& structure);
   void prior_error(const Graph& graph, const PriorPlan& plan, const Point& point);
-  void linearize_in_turn(const Graph& graph, const LinearStructure& structure, const Point& point,
-                         const ActiveSet* evaluated, LinearSystem& out);
-  void linearize_apart(const Graph& graph, const LinearStructure& structure, const Point& point,
-                       const ActiveSet* evaluated, LinearSystem& out, TaskPool* pool);
+  bool linearize_in_turn(const Graph& graph, const LinearStructure& structure, const Point& point, ActiveSet* active,
+                         LinearSystem& out);
+  bool linearize_apart(const Graph& graph, const LinearStructure& structure, const Point& point, ActiveSet* active,
+                       LinearSystem& out, TaskPool* pool);
   void copy_diagonal(const LinearStructure& structure, LinearSystem& out) const;
 
   std::vector<Packed> packed_;  // by plan

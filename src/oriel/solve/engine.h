@@ -17,7 +17,8 @@ class Engine {
   // Looks at what changed, solves, and gives the graph the values (Graph::adopt) unless the solve failed; then the
   // graph is as it was.
   virtual Summary solve(const SolveOptions& options) noexcept = 0;
-  // Cost of the graph's values: ½Σρ(‖r‖²), priors included, over the factors that are valid there.
+  // Cost of the graph's values: ½Σρ(‖r‖²), priors included, over the factors that are valid there. Jacobians
+  // are not asked for: a factor whose Jacobian alone is not finite counts here, and not in a solve.
   virtual double cost() noexcept = 0;
   // Looks at what changed, as solve does, and says what it holds now; for `check`.
   virtual Result<EngineContents> contents() noexcept = 0;

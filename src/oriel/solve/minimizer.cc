@@ -3,6 +3,7 @@
 #include "oriel/solve/minimizer.h"
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cmath>
 
@@ -10,6 +11,7 @@ namespace oriel {
 namespace {
 
 constexpr double kLeastDiagonal = 1e-6, kLargestDiagonal = 1e32;  // of what λ multiplies
+constexpr std::size_t kMostNotFinite = 16;                        // named in a summary
 constexpr double kLeastLambda = 1e-16, kLargestLambda = 1e16;
 
 double largest(const std::vector<double>& v) {
@@ -113,8 +115,14 @@ void Minimizer::linearize() {
   Stage stage(*this, summary_.seconds.linearize);
   e_.linearizer_.linearize(*e_.graph_, e_.structure_, e_.point_, &e_.active_, e_.system_, pool_);
   ++summary_.linearizations;
+  // Rows without a finite Jacobian have left the active set at this point, whose cost is another one then.
+  cost_ = e_.active_.total;
+  if (summary_.accepted == 0) summary_.initial_cost = cost_;
   summary_.gradient = largest(e_.system_.gradient);
-  if (!summary_.trace.empty()) summary_.trace.back().gradient = summary_.gradient;
+  if (!summary_.trace.empty()) {
+    summary_.trace.back().gradient = summary_.gradient;
+    summary_.trace.back().cost = cost_;
+  }
   if (!std::isfinite(summary_.gradient))
     stop(Reason::not_finite, summary_.gradient, 0);
   else if (summary_.gradient <= options_.gradient_tolerance)
@@ -186,7 +194,10 @@ bool Minimizer::accept(double trial_cost, double gain) {
   summary_.gain_open = false;
   const bool sides_changed = e_.trial_active_.valid != e_.active_.valid;
   std::swap(e_.active_, e_.trial_active_);
-  if (sides_changed) evaluate(e_.point_, nullptr, e_.active_);  // the active set freezes at the accepted point
+  if (sides_changed) {  // the active set freezes at the accepted point
+    Stage stage(*this, summary_.seconds.evaluate);
+    e_.linearizer_.refresh(*e_.graph_, e_.structure_, e_.point_, e_.active_, pool_);
+  }
   cost_ = e_.active_.total;
   if (options_.method == Method::levenberg_marquardt) {
     const double r = 2.0 * decrease / gain - 1.0;
@@ -256,8 +267,7 @@ void Minimizer::finish() {
   summary_.lambda = lambda_;
   summary_.invalid_factors = e_.active_.invalid;
   summary_.not_finite_factors = e_.active_.not_finite;
-  if (summary_.linearizations > 0)
-    summary_.not_finite_factors = std::max(summary_.not_finite_factors, e_.linearizer_.not_finite());
+  if (summary_.not_finite_factors > 0) name_not_finite();
   summary_.kernel_fallbacks = e_.linearizer_.kernel_fallbacks() - fallbacks_before_;
   // A start without gradient was never factored; what is undetermined there must be told all the same.
   if (summary_.reason == Reason::gradient_tolerance && summary_.iterations == 0) solve_linear();
@@ -267,9 +277,23 @@ void Minimizer::finish() {
     Stage stage(*this, summary_.seconds.adopt);
     if (!summary_.failed() && summary_.accepted > 0 && !e_.adopt_point()) summary_.reason = Reason::not_finite;
     e_.state_.lambda = lambda_;
+    e_.failed_ = summary_.failed();
   }
   summary_.final_cost = summary_.fresh_cost = summary_.failed() ? summary_.initial_cost : cost_;
   summary_.seconds.total = seconds();
+}
+
+void Minimizer::name_not_finite() {
+  std::size_t at = 0;
+  for (std::size_t t = 0; t < e_.structure_.plan_count(); ++t) {
+    const TablePlan& plan = e_.structure_.plans()[t];
+    const FactorTable& table = *plan.table;
+    for (std::size_t b = 0; b < plan.active.size(); ++b, ++at)
+      for (std::uint64_t bad = e_.active_.not_finite_mask[at] | e_.active_.no_jacobian[at];
+           bad != 0 && summary_.not_finite.size() < kMostNotFinite; bad &= bad - 1)
+        summary_.not_finite.push_back(
+            {table.ops().key, table.slots().key(plan.rows[b * Batch::kRows + std::countr_zero(bad)])});
+  }
 }
 
 double Minimizer::now() const {

@@ -25,6 +25,7 @@ class Minimizer {
   bool report(bool accepted);
   void stop(Reason reason, double value, double bound);
   void finish();
+  void name_not_finite();
   bool has_weak_landmark() const;
   void find_undetermined();
   double now() const;

@@ -50,15 +50,13 @@ class Reader {
 }  // namespace
 
 Result<EngineContents> NativeEngine::contents() noexcept {
-  if (auto ok = sync(SolveOptions{}); !ok) return ok.error();
-  point_.take(*graph_);
+  if (auto ok = linearize(false); !ok) return ok.error();
   EngineContents out;
   const Reader read(*graph_, structure_);
   for (const KeptBlock& b : structure_.kept()) out.parameters.push_back(read.parameter(b, point_));
   for (const LandmarkBlock& b : structure_.landmarks()) out.parameters.push_back(read.parameter(b, point_));
   for (std::size_t t = 0; t < structure_.plan_count(); ++t) read.residuals(structure_.plans()[t], out);
   for (std::size_t i = 0; i < structure_.prior_count(); ++i) read.residual(structure_.priors()[i], out);
-  linearizer_.evaluate(*graph_, structure_, point_, nullptr, active_, nullptr);
   out.cost = active_.total;
   return out;
 }

@@ -29,9 +29,11 @@ Result<void> NativeEngine::linearize(bool first_estimates) {
 
 void NativeEngine::drop_caches() {
   const SolverState kept = state_;
+  const bool failed = failed_;
   Graph* graph = graph_;
   *this = NativeEngine(*graph);
   state_ = kept;
+  failed_ = failed;
 }
 
 Result<void> NativeEngine::sync(const SolveOptions& options) {

@@ -1,6 +1,7 @@
 // The engine of this library: landmarks by Schur complement, the rest by the multifrontal factorization.
 #pragma once
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "oriel/linear/landmark_schur.h"
@@ -31,13 +32,18 @@ class NativeEngine final : public Engine {
   Result<EngineContents> contents() noexcept override;
 
   // Covariance of a variable in its tangent space at the graph's values (after a solve: at the solution), given all
-  // that the graph knows. An Error where something is undetermined, never a stale or made-up matrix.
+  // that the graph knows. An Error where something is undetermined, and after a solve that failed: never a stale or
+  // made-up matrix.
   template <Manifold V>
   Result<Mat<double, V::kDim, V::kDim>> covariance(VariableId<V> id) noexcept {
     Mat<double, V::kDim, V::kDim> out;
-    if (auto ok = covariance_block(id, out.data()); !ok) return ok.error();
+    const VariableKey ids[] = {id};
+    if (auto ok = covariance_block(ids, out.data()); !ok) return ok.error();
     return out;
   }
+  // The same of several variables together, each once: n × n for n the sum of their dimensions, column-major, in the
+  // order of the ids.
+  Result<std::vector<double>> joint_covariance(std::span<const VariableKey> ids) noexcept;
 
   const SolverState& state() const { return state_; }
   void restore(const SolverState& state) { state_ = state; }
@@ -58,12 +64,14 @@ class NativeEngine final : public Engine {
   friend class Minimizer;
 
   Result<void> sync(const SolveOptions& options);
-  Result<void> covariance_block(VariableKey id, double* out) noexcept;
+  Result<void> covariance_block(std::span<const VariableKey> ids, double* out) noexcept;
+  Result<void> factor_undamped(VariableKey id) noexcept;
   TaskPool* pool(int threads);
   bool adopt_point();  // false: the graph refused values that are not finite
 
   Graph* graph_;
   SolverState state_;
+  bool failed_ = false;  // the last solve
   // ---- caches and workspaces ----
   LinearStructure structure_;
   std::uint64_t structure_version_ = ~std::uint64_t{0};

@@ -62,6 +62,8 @@ std::ostream& operator<<(std::ostream& out, const Summary& s) {
       s.seconds.adopt * 1e3);
   out << text;
   if (!s.converged() && !s.failed()) out << "  " << s.left_text() << '\n';
+  for (const FactorId& id : s.not_finite)
+    out << "  r or Jacobian is not finite: factor #" << id.key.index << '.' << id.key.generation << '\n';
   if (!s.undetermined.empty()) out << "  " << s.undetermined.size() << " directions that nothing determines\n";
   if (!s.gauge.empty()) out << "  gauge: " << s.gauge.size() << " directions common to all\n";
   return out;

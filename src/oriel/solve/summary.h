@@ -59,7 +59,9 @@ struct [[nodiscard]] Summary {
   std::optional<double> predicted_gain;
   bool gain_open = false;
   double lambda = 0.0;
-  std::int64_t factors = 0, invalid_factors = 0, not_finite_factors = 0;
+  std::int64_t factors = 0, invalid_factors = 0;  // invalid at the end; they are not in the cost
+  std::int64_t not_finite_factors = 0;            // of those, the ones whose r or Jacobian is a NaN or an infinity
+  std::vector<FactorId> not_finite;               // which (the first 16)
   int kept_dim = 0, landmark_dim = 0, fronts = 0;
   double factor_flops = 0.0, schur_flops = 0.0;
   std::int64_t kernel_fallbacks = 0;  // products without a fixed-size kernel

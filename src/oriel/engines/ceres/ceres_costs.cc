@@ -90,7 +90,7 @@ bool FactorCost::linearize(double const* const* parameters, bool jacobians, std:
 bool FactorCost::valid_at(double const* const* parameters) const {
   std::vector<double> scratch;
   const double *r, *J;
-  return linearize(parameters, false, scratch, r, J);
+  return linearize(parameters, !apart_, scratch, r, J);  // without a finite Jacobian it is not valid either
 }
 
 bool FactorCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
