@@ -35,6 +35,7 @@ Json object_of(const SolvedFile& f) {
   o["iterations"] = s.iterations;
   o["converged"] = f.converged();
   o["reason"] = f.reason();
+  o["left_to_gain"] = s.gain_open ? Json(*s.predicted_gain) : Json();  // null where no linear model knows it
   o["method"] = name_of(s.method);
   o["linear_solver"] = s.linear_solver;
   o["threads"] = f.threads;
@@ -72,6 +73,7 @@ std::string solve_text(const SolvedFile& f) {
   out += fmt::format("  cost {:.9g} -> {:.9g} in {} iterations ({}, {}, threads {})\n", s.initial_cost, s.final_cost,
                      s.iterations, name_of(s.method), s.linear_solver, f.threads);
   out += fmt::format("  {}: {}\n", f.converged() ? "converged" : "NOT converged", f.reason());
+  if (s.reason == Reason::deadline) out += fmt::format("  {}\n", s.left_text());
   out += fmt::format("  time: read {:.1f}, setup {:.1f}, solve {:.1f}, total {:.1f} ms; memory {:.0f} MB\n",
                      f.read_seconds * 1e3, f.setup_seconds * 1e3, s.seconds.total * 1e3, f.total_seconds * 1e3,
                      f.peak_rss_mb);
