@@ -123,7 +123,7 @@ inline constexpr FactorOps kFactorOps = {R::kName,
                                          [](const void* m) { return all_finite(*static_cast<const R*>(m)); },
                                          [](const void* n) { return static_cast<const Noise*>(n)->valid(); }};
 
-// The types that a reader (journal, worker, Python) may meet, by key. An edit names types by key alone.
+// The types that a reader (journal, worker, Python) may meet: variables, factors, losses of users. An edit names them.
 class TypeList {
  public:
   template <Variable V>
@@ -136,6 +136,11 @@ class TypeList {
     factors_.push_back(&kFactorOps<R, Noise>);
     return *this;
   }
+  template <LossFunction L>
+  TypeList& loss() {
+    losses_.push_back(&kLossOps<L>);
+    return *this;
+  }
   TypeList& add(const VariableOps* v) {
     if (find_variable(v->key) == nullptr) variables_.push_back(v);
     return *this;
@@ -143,6 +148,11 @@ class TypeList {
   const VariableOps* find_variable(std::uint64_t key) const {
     for (const VariableOps* v : variables_)
       if (v->key == key) return v;
+    return nullptr;
+  }
+  const LossOps* find_loss(std::string_view name) const {
+    for (const LossOps* l : losses_)
+      if (l->name == name) return l;
     return nullptr;
   }
   const FactorOps* find_factor(std::uint64_t key) const {
@@ -154,6 +164,7 @@ class TypeList {
  private:
   std::vector<const VariableOps*> variables_;
   std::vector<const FactorOps*> factors_;
+  std::vector<const LossOps*> losses_;
 };
 
 }  // namespace oriel

@@ -98,7 +98,11 @@ class EditReader {
       return damaged("'" + residual + "' has other sizes than the reader's");
     edit::Factors& c = out_.factors(ops);
     if (!c.empty()) return damaged("'" + residual + "' comes twice");
-    return rows(c) ? Result<void>() : damaged("what it says of '" + residual + "' is not valid");
+    if (rows(c)) return {};
+    if (!unknown_loss_.empty())
+      return Error{ErrorCode::not_found,
+                   "message: it holds the loss '" + unknown_loss_ + "', which the reader does not know"};
+    return damaged("what it says of '" + residual + "' is not valid");
   }
 
   bool rows(edit::Factors& c) {
@@ -108,9 +112,7 @@ class EditReader {
       edit::AddedFactor a;
       a.key = get_key(r_);
       if (!number(a.serial, a.order)) return false;
-      const auto kind = r_.get<std::uint8_t>();
-      if (kind > static_cast<std::uint8_t>(LossKind::cauchy)) return false;
-      a.loss = {static_cast<LossKind>(kind), r_.get<double>()};
+      if (!loss(a.loss)) return false;
       c.added.push_back(a);
     }
     for (std::uint32_t i = 0; i < n; ++i)
@@ -128,6 +130,17 @@ class EditReader {
       c.removed.push_back(key);
     }
     return r_.ok();
+  }
+
+  bool loss(Loss& out) {
+    const auto kind = r_.get<std::uint8_t>();
+    if (kind > static_cast<std::uint8_t>(LossKind::custom)) return false;
+    out = {static_cast<LossKind>(kind), r_.get<double>()};
+    if (out.kind != LossKind::custom) return r_.ok();
+    const std::string_view name = r_.get_text();
+    out.ops = types_.find_loss(name);
+    if (r_.ok() && out.ops == nullptr) unknown_loss_ = name;
+    return out.ops != nullptr;
   }
 
   Result<void> priors() {
@@ -180,6 +193,7 @@ class EditReader {
   const TypeList& types_;
   const Graph& target_;
   GraphEdit& out_;
+  std::string unknown_loss_;
   std::uint64_t leap_, added_ = 0, largest_order_ = 0;
 };
 

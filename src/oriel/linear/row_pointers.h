@@ -1,6 +1,7 @@
 // Where up to 64 rows of a table find their values: the arrays behind a RowPointers, and how they are filled.
 #pragma once
 #include <algorithm>
+#include <cstring>
 #include <span>
 
 #include "oriel/graph/graph.h"
@@ -43,6 +44,7 @@ inline void pack_rows(const void* const* measurement, int measurement_doubles, c
     if (loss == nullptr) continue;
     out[0] = loss[l]->scale;
     out[kLanes] = static_cast<double>(loss[l]->kind);
+    std::memcpy(out + 2 * kLanes, &loss[l], sizeof(loss[l]));
   }
 }
 

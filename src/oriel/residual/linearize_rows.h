@@ -45,6 +45,8 @@ struct RowPointers {
 namespace detail {
 
 constexpr int kGroup = Pack::kLanes;
+constexpr int kLossPacks = 3;  // scale, kind, and where the loss stands
+static_assert(sizeof(const Loss*) == sizeof(double));
 
 // N doubles behind each of eight pointers → N packs.
 template <int N>
@@ -177,26 +179,29 @@ struct PackedRows {
   typename ArgumentsOf<typename R::Variables>::type arguments;
   J j;
 
-  // RowPointers::packed of eight rows: the members of the residual, of the noise, and scale and kind of the loss.
+  // RowPointers::packed of eight rows: the members of the residual, of the noise, and the losses.
   using Measurement = typename R::template rebind<Pack>;
   struct Numbers {
     Measurement measurement;
     std::array<Pack, sizeof(Noise) / sizeof(double)> noise;
     Pack loss_scale, loss_kind;
+    const Loss* loss[kGroup];
   };
   static constexpr int kNumbers = static_cast<int>((sizeof(R) + sizeof(Noise)) / sizeof(double));
   Numbers numbers_;  // where they are not packed already
 
   const Numbers& numbers(const RowPointers& rows, int g) {
-    static_assert(sizeof(Numbers) == (kNumbers + 2) * sizeof(Pack));
-    if (rows.packed != nullptr)  // without losses, the last two are the next group's, and not looked at
-      return *reinterpret_cast<const Numbers*>(rows.packed + (kNumbers + (rows.robust ? 2 : 0)) * std::ptrdiff_t{g});
+    static_assert(sizeof(Numbers) == (kNumbers + kLossPacks) * sizeof(Pack));
+    if (rows.packed != nullptr)  // without losses, the last are the next group's, and not looked at
+      return *reinterpret_cast<const Numbers*>(rows.packed +
+                                               (kNumbers + (rows.robust ? kLossPacks : 0)) * std::ptrdiff_t{g});
     Pack* const to = reinterpret_cast<Pack*>(&numbers_);
     gather_doubles<sizeof(R) / sizeof(double)>(rows.measurement + g, to);
     gather_doubles<sizeof(Noise) / sizeof(double)>(rows.noise + g, to + sizeof(R) / sizeof(double));
     for (int l = 0; rows.robust && l < kGroup; ++l) {
       numbers_.loss_scale.v[l] = rows.loss[g + l]->scale;
       numbers_.loss_kind.v[l] = static_cast<double>(rows.loss[g + l]->kind);
+      numbers_.loss[l] = rows.loss[g + l];
     }
     return numbers_;
   }
@@ -265,7 +270,7 @@ struct PackedRows {
     row.weight = Pack(1.0);
     row.cost = s * Pack(0.5);
     if (!robust) return;
-    const auto loss = evaluate_losses(given.loss_kind, given.loss_scale, s);
+    const auto loss = evaluate_losses(given.loss, given.loss_kind, given.loss_scale, s);
     row.weight = sqrt(loss.weight);
     row.cost = loss.rho * Pack(0.5);
     for (int i = 0; i < D; ++i) r[i] *= row.weight;
@@ -324,8 +329,7 @@ struct ScalarRows {
     const std::uint64_t bit = std::uint64_t{1} << l;
     if (good) out.valid |= bit;
     if (valid && !finite) out.not_finite |= bit;
-    const auto loss =
-        good && rows.robust ? evaluate_loss(rows.loss[l]->kind, rows.loss[l]->scale, s) : LossValue<double>{s, 1.0};
+    const auto loss = good && rows.robust ? evaluate_loss(*rows.loss[l], s) : LossValue<double>{s, 1.0};
     const double weight = std::sqrt(loss.weight);
     out.cost[l] = good ? 0.5 * loss.rho : 0.0;
     if (rows.robust) out.weight[l] = weight;

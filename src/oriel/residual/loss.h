@@ -3,19 +3,48 @@
 // the Hessian is the Gauss–Newton one). All have ρ(0) = 0 and ρ'(0) = 1.
 #pragma once
 #include <cmath>
+#include <concepts>
 #include <cstdint>
 #include <string_view>
 #include <type_traits>
 
 #include "oriel/base/pack.h"
+#include "oriel/manifold/manifold.h"
 
 namespace oriel {
 
-enum class LossKind : std::uint8_t { none, huber, cauchy };
+enum class LossKind : std::uint8_t { none, huber, cauchy, custom };
+
+template <class S>
+struct LossValue {
+  S rho, weight;  // ρ(s) and ρ'(s)
+};
+
+// What the library must know of a user's loss: a table of functions, as for variables and residuals. Journals and
+// messages name it; a reader finds it in its TypeList.
+struct LossOps {
+  std::string_view name;
+  std::uint64_t key = 0;
+  LossValue<double> (*evaluate)(double scale, double s) = nullptr;
+};
+
+// A user's loss is a struct with a name and a function: ρ with ρ(0) = 0, ρ'(0) = 1, both finite, ρ' ≥ 0.
+//   struct Mine {
+//     static constexpr std::string_view kName = "mine/1";
+//     static LossValue<double> evaluate(double scale, double s);
+//   };
+template <class L>
+concept LossFunction = requires(double x) {
+  { L::kName } -> std::convertible_to<std::string_view>;
+  { L::evaluate(x, x) } -> std::same_as<LossValue<double>>;
+};
+template <LossFunction L>
+inline constexpr LossOps kLossOps = {L::kName, type_key(L::kName), &L::evaluate};
 
 struct Loss {
   LossKind kind = LossKind::none;
-  double scale = 1.0;  // in whitened units (sigmas), > 0
+  double scale = 1.0;            // in whitened units (sigmas), > 0
+  const LossOps* ops = nullptr;  // of a custom one
 
   static constexpr Loss none() { return {}; }
 };
@@ -24,11 +53,11 @@ struct Loss {
 constexpr Loss Huber(double k) { return {LossKind::huber, k}; }
 // ρ(s) = c² log(1 + s/c²).
 constexpr Loss Cauchy(double c) { return {LossKind::cauchy, c}; }
-
-template <class S>
-struct LossValue {
-  S rho, weight;  // ρ(s) and ρ'(s)
-};
+// A user's own.
+template <LossFunction L>
+constexpr Loss CustomLoss(double scale) {
+  return {LossKind::custom, scale, &kLossOps<L>};
+}
 
 template <class S>
 LossValue<S> evaluate_loss(LossKind kind, const S& scale, const S& s) {
@@ -49,19 +78,25 @@ LossValue<S> evaluate_loss(LossKind kind, const S& scale, const S& s) {
   return {s, S(1.0)};
 }
 
-// Eight rows, each with a kind (as a number) and a scale of its own.
-inline LossValue<Pack> evaluate_losses(Pack kind, Pack scale, Pack s) {
+// Of whatever kind.
+inline LossValue<double> evaluate_loss(const Loss& loss, double s) {
+  if (loss.kind == LossKind::custom) return loss.ops->evaluate(loss.scale, s);
+  return evaluate_loss(loss.kind, loss.scale, s);
+}
+
+// Eight rows, each with a loss of its own, whose kind (as a number) and scale stand beside it.
+inline LossValue<Pack> evaluate_losses(const Loss* const* loss, Pack kind, Pack scale, Pack s) {
   LossValue<Pack> value = {s, Pack(1.0)};
-  const auto is_huber = (kind >= Pack(1.0)) & (kind <= Pack(1.0)), is_cauchy = kind > Pack(1.0);
-  bool huber = false, cauchy = false;
-  for (int l = 0; l < Pack::kLanes; ++l) huber |= is_huber.v[l] != 0, cauchy |= is_cauchy.v[l] != 0;
+  const auto is_huber = (kind >= Pack(1.0)) & (kind <= Pack(1.0)), is_other = kind > Pack(1.0);
+  bool huber = false, other = false;
+  for (int l = 0; l < Pack::kLanes; ++l) huber |= is_huber.v[l] != 0, other |= is_other.v[l] != 0;
   if (huber) {
     const auto v = evaluate_loss(LossKind::huber, scale, s);
     value = {select(is_huber, v.rho, value.rho), select(is_huber, v.weight, value.weight)};
   }
-  for (int l = 0; cauchy && l < Pack::kLanes; ++l) {
-    if (is_cauchy.v[l] == 0) continue;
-    const auto v = evaluate_loss(LossKind::cauchy, scale[l], s[l]);
+  for (int l = 0; other && l < Pack::kLanes; ++l) {
+    if (is_other.v[l] == 0) continue;
+    const auto v = evaluate_loss(*loss[l], s[l]);
     value.rho.set(l, v.rho);
     value.weight.set(l, v.weight);
   }
@@ -69,7 +104,10 @@ inline LossValue<Pack> evaluate_losses(Pack kind, Pack scale, Pack s) {
 }
 
 constexpr std::string_view name_of(LossKind kind) {
-  return kind == LossKind::huber ? "huber" : kind == LossKind::cauchy ? "cauchy" : "none";
+  return kind == LossKind::huber    ? "huber"
+         : kind == LossKind::cauchy ? "cauchy"
+         : kind == LossKind::custom ? "custom"
+                                    : "none";
 }
 
 }  // namespace oriel

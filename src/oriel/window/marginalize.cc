@@ -126,7 +126,7 @@ void Marginalizer::judge(const FactorTable& table, Batch& batch, const Marginali
   for (int l = 0; t > 0.0 && l < batch.rows; ++l) {
     if (((batch.valid >> l) & 1) == 0) continue;
     const Loss& loss = table.loss(table_rows_[l]);
-    if (batch.cost[l] <= 0.5 * evaluate_loss(loss.kind, loss.scale, t * t).rho) continue;
+    if (batch.cost[l] <= 0.5 * evaluate_loss(loss, t * t).rho) continue;
     clear_lane(batch, l);
     ++report.dropped_outliers;
   }

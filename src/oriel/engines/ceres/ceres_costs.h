@@ -77,7 +77,7 @@ class TableLoss final : public ceres::LossFunction {
  public:
   explicit TableLoss(const Loss& loss) : loss_(loss) {}
   void Evaluate(double s, double rho[3]) const override {
-    const auto v = evaluate_loss(loss_.kind, loss_.scale, s);
+    const auto v = evaluate_loss(loss_, s);
     rho[0] = v.rho, rho[1] = v.weight, rho[2] = 0.0;
   }
 
