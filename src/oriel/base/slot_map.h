@@ -18,6 +18,15 @@ struct SlotKey {
   friend bool operator==(const SlotKey&, const SlotKey&) = default;
 };
 
+// Stands for a key that the owner of a pool has not given yet: the n-th of the things that come together. It resolves
+// to nothing anywhere.
+constexpr std::uint32_t kFirstPlaceholder = 0x80000000u;
+constexpr SlotKey placeholder_key(std::uint32_t n) { return {kFirstPlaceholder | n, 0}; }
+constexpr bool is_placeholder(SlotKey k) {
+  return k.generation == 0 && k.index >= kFirstPlaceholder && k.index != 0xffffffffu;
+}
+constexpr std::uint32_t placeholder_number(SlotKey k) { return k.index & ~kFirstPlaceholder; }
+
 // Room for `more` elements beyond the present ones. std::vector::reserve takes exactly what it is asked for, so that
 // growing one by one would copy everything each time.
 template <class Vector>
@@ -71,7 +80,9 @@ class SlotIndex {
     return {next_++, 1};
   }
   // Back from an edit that will not be applied; its generation is spent.
-  void give_back(SlotKey k) { free_.push_back({k.index, k.generation + 1}); }
+  void give_back(SlotKey k) {
+    if (!is_placeholder(k)) free_.push_back({k.index, k.generation + 1});
+  }
 
   // Slots that were ever in use: the index of every live key is below.
   std::uint32_t slot_count() const { return static_cast<std::uint32_t>(slots_.size()); }

@@ -5,6 +5,7 @@
 namespace oriel {
 
 void EditCommit::run() {
+  resolve();
   const bool structural = changes_structure();
   g_.derived_.clear();
   derive_priors();
@@ -23,6 +24,41 @@ void EditCommit::run() {
   g_.priors_.compact_if_due();
   if (structural) g_.structure_version_ = g_.version_;
   edit_.mark_applied();
+}
+
+// Ids for what has placeholders (decision 8), in the order in which the edit adds it.
+void EditCommit::resolve() {
+  bool any = false;
+  auto give = [&any](SlotKey& key, SlotIndex& slots) {
+    if (!is_placeholder(key)) return;
+    key = slots.lend();
+    any = true;
+  };
+  for (auto& c : edit_.variable_columns())
+    for (std::size_t i = 0; i < c->added.size(); ++i) {
+      if (!is_placeholder(c->added[i].key)) continue;
+      give(c->added[i].key, g_.pools_[g_.pool_index(c->ops)]->slots());
+      c->added_at.set(c->added[i].key.index, static_cast<std::uint32_t>(i));
+    }
+  for (auto& c : edit_.factor_columns())
+    for (auto& a : c->added)
+      if (is_placeholder(a.key)) give(a.key, g_.tables_[g_.table_index(c->ops)]->slots());
+  for (auto& a : edit_.priors().added) give(a.key, g_.priors_.slots());
+  if (any) resolve_references();
+}
+
+void EditCommit::resolve_references() {
+  auto resolve = [this](std::uint64_t type, SlotKey& key) { key = edit_.resolved(VariableKey{type, key}).key; };
+  for (auto& c : edit_.variable_columns()) {
+    for (auto& s : c->set) resolve(c->ops->key, s.first);
+    for (auto& f : c->fixed) resolve(c->ops->key, f.first);
+  }
+  for (auto& c : edit_.factor_columns()) {
+    const auto& types = c->ops->variables;
+    for (std::size_t i = 0; i < c->variables.size(); ++i) resolve(types[i % types.size()]->key, c->variables[i]);
+  }
+  for (VariableKey& id : edit_.priors().variables) id = edit_.resolved(id);
+  for (auto& label : edit_.labels()) label.first = edit_.resolved(label.first);
 }
 
 bool EditCommit::changes_structure() const {

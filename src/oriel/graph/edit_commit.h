@@ -11,6 +11,8 @@ class EditCommit {
   void run();
 
  private:
+  void resolve();
+  void resolve_references();
   void give_serials();
   void derive_priors();
   void derive_prior(std::uint32_t row);

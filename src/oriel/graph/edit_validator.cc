@@ -7,7 +7,10 @@ namespace {
 
 std::string number(std::size_t n) { return std::to_string(n); }
 
-std::string key_text(SlotKey k) { return "#" + number(k.index) + "." + number(k.generation); }
+std::string key_text(SlotKey k) {
+  if (is_placeholder(k)) return "(new, number " + number(placeholder_number(k) + 1) + ")";
+  return "#" + number(k.index) + "." + number(k.generation);
+}
 
 std::string factor_name(const edit::Factors& c, std::size_t i) {
   return "factor " + number(i + 1) + " of " + std::string(c.ops->residual) + " in this edit";
@@ -15,9 +18,10 @@ std::string factor_name(const edit::Factors& c, std::size_t i) {
 
 const SlotIndex kNoSlots;  // of a type that the graph has not met
 
-// May a factor come in under this key? Its slot has to be empty, or to be emptied by the same edit.
+// May the i-th factor come in under this key? Its slot has to be empty, or to be emptied by the same edit.
 template <class Column>
-bool free_for(const Column& c, const SlotIndex& slots, SlotKey key) {
+bool free_for(const Column& c, const SlotIndex& slots, SlotKey key, std::size_t i) {
+  if (is_placeholder(key)) return placeholder_number(key) == i;
   if (!slots.is_new(key, c.added.size())) return false;
   return slots.find_slot(key.index) == SlotIndex::kNone || c.removes(slots.key_of_slot(key.index));
 }
@@ -33,7 +37,8 @@ template <class Items>
 bool has_twice(const Items& items, edit::SlotMarks& marks) {
   for (std::size_t i = 0; i < items.size(); ++i) marks.set(key_of(items[i]).index, static_cast<std::uint32_t>(i));
   bool twice = false;
-  for (std::size_t i = 0; i < items.size(); ++i) twice = twice || marks.find(key_of(items[i]).index) != i;
+  for (std::size_t i = 0; i < items.size(); ++i)
+    twice = twice || (marks.find(key_of(items[i]).index) != i && !is_placeholder(key_of(items[i])));
   for (const auto& item : items) marks.forget(key_of(item).index);
   return twice;
 }
@@ -80,10 +85,9 @@ Result<void> EditValidator::added_variables(const edit::Variables& c) const {
   for (std::size_t i = 0; i < c.added.size(); ++i) {
     const edit::AddedVariable& a = c.added[i];
     auto name = [&] { return graph_.describe({c.ops->key, a.key}); };
-    if (c.added_at.find(a.key.index) != i) return Error{ErrorCode::duplicate, "add: " + name() + " is added twice"};
-    const SlotIndex& slots = pool == nullptr ? kNoSlots : pool->slots();
-    if (!slots.is_new(a.key, c.added.size()) ||
-        (slots.find_slot(a.key.index) != SlotIndex::kNone && !c.removes(slots.key_of_slot(a.key.index))))
+    if (!is_placeholder(a.key) && c.added_at.find(a.key.index) != i)
+      return Error{ErrorCode::duplicate, "add: " + name() + " is added twice"};
+    if (!free_for(c, pool == nullptr ? kNoSlots : pool->slots(), a.key, i))
       return Error{ErrorCode::duplicate, "add: the id " + name() + " is or was in use"};
     if (a.serial != 0 && a.serial <= serial)
       return Error{ErrorCode::conflict, "add: the serial of " + name() + " is not above those in the graph"};
@@ -127,7 +131,7 @@ Result<void> EditValidator::added_factors(const edit::Factors& c, const SlotInde
   std::uint64_t serial = slots.last_serial();
   for (std::size_t i = 0; i < c.added.size(); ++i) {
     const edit::AddedFactor& a = c.added[i];
-    if (!free_for(c, slots, a.key))
+    if (!free_for(c, slots, a.key, i))
       return Error{ErrorCode::duplicate, factor_name(c, i) + ": its id " + key_text(a.key) + " is or was in use"};
     if (a.serial != 0 && a.serial <= serial)
       return Error{ErrorCode::conflict, factor_name(c, i) + ": its serial is not above those in the graph"};
@@ -171,8 +175,9 @@ Result<void> EditValidator::priors() const {
       return Error{ErrorCode::stale_id, "remove: linear prior " + key_text(k) + " is not in the graph"};
   if (has_twice(c.removed, marks_)) return Error{ErrorCode::duplicate, "remove: a linear prior is named twice"};
   std::uint64_t serial = graph_.priors().slots().last_serial();
-  for (const edit::AddedPrior& p : c.added) {
-    if (!free_for(c, graph_.priors().slots(), p.key))
+  for (std::size_t i = 0; i < c.added.size(); ++i) {
+    const edit::AddedPrior& p = c.added[i];
+    if (!free_for(c, graph_.priors().slots(), p.key, i))
       return Error{ErrorCode::duplicate, "add: the id " + key_text(p.key) + " of a linear prior is or was in use"};
     if (p.serial != 0 && p.serial <= serial)
       return Error{ErrorCode::conflict, "add: the serial of a linear prior is not above those in the graph"};

@@ -107,6 +107,7 @@ std::string Graph::describe(VariableKey id) const {
     const auto label = type->second.find((std::uint64_t{id.key.index} << 32) | id.key.generation);
     if (label != type->second.end()) return text + " '" + label->second + "'";
   }
+  if (is_placeholder(id.key)) return text + " (new, number " + std::to_string(placeholder_number(id.key) + 1) + ")";
   return text + " #" + std::to_string(id.key.index) + "." + std::to_string(id.key.generation);
 }
 

@@ -48,8 +48,10 @@ class Graph {
 
   GraphEdit edit() { return GraphEdit(*this); }
 
-  // Refused, with the item named: unknown or stale ids, the same id twice, values or measurements that are not finite,
-  // noise that is no noise, priors of the wrong size, a version that is not the graph's. Then nothing has changed.
+  // What the edit has placeholders for is given ids here, in the edit as well (GraphEdit::resolved); a refused edit
+  // keeps its placeholders. Refused, with the item named: unknown or stale ids, the same id twice, values or
+  // measurements that are not finite, noise that is no noise, priors of the wrong size, a version that is not the
+  // graph's. Then nothing has changed.
   Result<void> apply(GraphEdit& edit) noexcept;
 
   // Takes over values; leaves out what is fixed, gone, or was set by the user after the solution's version. Refused

@@ -20,8 +20,8 @@ void Variables::remove(SlotKey key) {
 }
 
 std::uint32_t Variables::find_added(SlotKey key) const {
-  const std::uint32_t at = added_at.find(key.index);
-  return at != SlotMarks::kNone && added[at].key == key ? at : SlotMarks::kNone;
+  const std::uint32_t at = is_placeholder(key) ? placeholder_number(key) : added_at.find(key.index);
+  return at < added.size() && added[at].key == key ? at : SlotMarks::kNone;
 }
 
 bool Variables::removes(SlotKey key) const {
@@ -60,7 +60,8 @@ void Priors::clear() {
 }  // namespace edit
 
 GraphEdit::GraphEdit() = default;
-GraphEdit::GraphEdit(Graph& graph) : graph_(&graph) {}
+GraphEdit::GraphEdit(Graph& graph) : graph_(&graph), seen_(&graph) {}
+GraphEdit GraphEdit::proposal(const Graph* seen) { return {seen, true}; }
 GraphEdit::GraphEdit(GraphEdit&&) noexcept = default;
 GraphEdit& GraphEdit::operator=(GraphEdit&&) noexcept = default;
 GraphEdit::~GraphEdit() = default;
@@ -86,16 +87,21 @@ edit::Factors& GraphEdit::factors(const FactorOps* ops) {
   return *factors_.emplace_back(std::make_unique<edit::Factors>(ops));
 }
 
+void GraphEdit::check_lender() const {
+  check(graph_ != nullptr || proposes_, "GraphEdit::add: this edit was not lent by a graph (Graph::edit)");
+}
+
 SlotKey GraphEdit::lend_variable(const VariableOps* ops) {
-  check(graph_ != nullptr, "GraphEdit::add: this edit was not lent by a graph (Graph::edit)");
+  check_lender();
+  if (proposes_) return placeholder_key(static_cast<std::uint32_t>(variables(ops).added.size()));
   return graph_->lend(ops);
 }
 
 FactorId GraphEdit::add_factor(const FactorOps* ops, const void* measurement, const void* noise, const Loss& loss,
                                const SlotKey* variables) {
-  check(graph_ != nullptr, "GraphEdit::add: this edit was not lent by a graph (Graph::edit)");
-  const SlotKey key = graph_->lend(ops);
+  check_lender();
   edit::Factors& column = factors(ops);
+  const SlotKey key = proposes_ ? placeholder_key(static_cast<std::uint32_t>(column.added.size())) : graph_->lend(ops);
   column.added.push_back({key, 0, next_order(), loss});
   column.measurements.push_back(measurement);
   column.noises.push_back(noise);
@@ -104,8 +110,9 @@ FactorId GraphEdit::add_factor(const FactorOps* ops, const void* measurement, co
 }
 
 FactorId GraphEdit::add(const LinearPrior& prior) {
-  check(graph_ != nullptr, "GraphEdit::add: this edit was not lent by a graph (Graph::edit)");
-  const SlotKey key = graph_->lend_prior();
+  check_lender();
+  const SlotKey key =
+      proposes_ ? placeholder_key(static_cast<std::uint32_t>(priors_.added.size())) : graph_->lend_prior();
   edit::AddedPrior a{key,
                      0,
                      next_order(),
@@ -126,7 +133,7 @@ FactorId GraphEdit::add(const LinearPrior& prior) {
   std::size_t dims = 0;
   for (const VariableKey& id : prior.variables) {
     const edit::Variables* column = find_variables(id.type);
-    const VariableOps* ops = column != nullptr ? column->ops : graph_->find_ops(id.type);
+    const VariableOps* ops = column != nullptr ? column->ops : seen_ != nullptr ? seen_->find_ops(id.type) : nullptr;
     dims += ops != nullptr ? static_cast<std::size_t>(ops->dim) : 0;
   }
   a.well_formed = cols == dims && prior.d.size() == rows && prior.R.size() == rows * cols;
@@ -141,19 +148,19 @@ const void* GraphEdit::find_value(VariableKey id) const {
     const std::uint32_t at = c->find_added(id.key);
     if (at != edit::SlotMarks::kNone) return c->values.at(at);
   }
-  return graph_ != nullptr ? graph_->find_value(id) : nullptr;
+  return seen_ != nullptr ? seen_->find_value(id) : nullptr;
 }
 
 void GraphEdit::unresolved(VariableKey id) const {
   contract_violated(
-      "GraphEdit::value: " + (graph_ != nullptr ? graph_->describe(id) : "variable #" + std::to_string(id.key.index)) +
+      "GraphEdit::value: " + (seen_ != nullptr ? seen_->describe(id) : "variable #" + std::to_string(id.key.index)) +
       " is neither in the edit nor in the graph");
 }
 
 // The column of a variable's type; null, and noted for apply to refuse, if the graph has never seen that type.
 edit::Variables* GraphEdit::known_column(VariableKey id, const char* what) {
   if (edit::Variables* c = column_of(id.type)) return c;
-  if (const VariableOps* ops = graph_ != nullptr ? graph_->find_ops(id.type) : nullptr) return &variables(ops);
+  if (const VariableOps* ops = seen_ != nullptr ? seen_->find_ops(id.type) : nullptr) return &variables(ops);
   if (unknown_.empty())
     unknown_ = std::string(what) + ": variable #" + std::to_string(id.key.index) + "." +
                std::to_string(id.key.generation) + " of a type that the graph does not know";
@@ -179,7 +186,7 @@ void GraphEdit::remove(FactorId id) {
       c->removed.push_back(id.key);
       return;
     }
-  const FactorOps* ops = graph_ != nullptr ? graph_->find_factor_ops(id.table) : nullptr;
+  const FactorOps* ops = seen_ != nullptr ? seen_->find_factor_ops(id.table) : nullptr;
   if (ops == nullptr) {
     if (unknown_.empty())
       unknown_ = "remove: factor #" + std::to_string(id.key.index) + "." + std::to_string(id.key.generation) +
@@ -188,6 +195,29 @@ void GraphEdit::remove(FactorId id) {
   }
   factors(ops);
   remove(id);
+}
+
+namespace {
+
+// Places in a column stay as they are when apply gives the ids.
+template <class Added>
+SlotKey resolved_key(const std::vector<Added>& added, SlotKey key) {
+  if (!is_placeholder(key) || placeholder_number(key) >= added.size()) return key;
+  return added[placeholder_number(key)].key;
+}
+
+}  // namespace
+
+VariableKey GraphEdit::resolved(VariableKey id) const {
+  const edit::Variables* c = find_variables(id.type);
+  return c == nullptr ? id : VariableKey{id.type, resolved_key(c->added, id.key)};
+}
+
+FactorId GraphEdit::resolved(FactorId id) const {
+  if (id.table == PriorTable::kKey) return {id.table, resolved_key(priors_.added, id.key)};
+  for (const auto& c : factors_)
+    if (c->ops->key == id.table) return {id.table, resolved_key(c->added, id.key)};
+  return id;
 }
 
 bool GraphEdit::empty() const {

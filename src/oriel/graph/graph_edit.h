@@ -20,16 +20,20 @@ class Graph;
 
 namespace edit {
 
-// Position of a slot in a column, by slot index; forgets in time proportional to what it holds.
+// Position of a slot in a column, by slot index; forgets in time proportional to what it holds. Placeholders are not
+// marked: they say themselves where they stand.
 class SlotMarks {
  public:
   static constexpr std::uint32_t kNone = 0xffffffffu;
   std::uint32_t find(std::uint32_t index) const { return index < at_.size() ? at_[index] : kNone; }
   void set(std::uint32_t index, std::uint32_t position) {
+    if (index >= kFirstPlaceholder) return;
     if (index >= at_.size()) at_.resize(index + 1 + at_.size() / 2, kNone);
     at_[index] = position;
   }
-  void forget(std::uint32_t index) { at_[index] = kNone; }
+  void forget(std::uint32_t index) {
+    if (index < at_.size()) at_[index] = kNone;
+  }
 
  private:
   std::vector<std::uint32_t> at_;
@@ -128,6 +132,10 @@ class GraphEdit {
   // An edit that carries ids given elsewhere (a message, a journal); a graph's own edits come from Graph::edit().
   GraphEdit();
   explicit GraphEdit(Graph& graph);
+  // An edit by somebody who must not lend ids: a worker beside the graph. What it adds has placeholder ids, good within
+  // the edit at once; the graph that it is for gives the true ones in `apply` (decision 8), and `resolved` tells them.
+  // `seen` is what the worker knows, a replica or nothing; existing things are named by their true ids.
+  static GraphEdit proposal(const Graph* seen = nullptr);
   GraphEdit(GraphEdit&&) noexcept;
   GraphEdit& operator=(GraphEdit&&) noexcept;
   ~GraphEdit();
@@ -160,6 +168,14 @@ class GraphEdit {
   void remove(VariableKey id);
   void remove(FactorId id);
 
+  // The id that apply has given to a thing for which this edit had a placeholder; any other id as it is.
+  template <Variable V>
+  VariableId<V> resolved(VariableId<V> id) const {
+    return {resolved(VariableKey(id)).key};
+  }
+  VariableKey resolved(VariableKey id) const;
+  FactorId resolved(FactorId id) const;
+
   // The edit is only valid for a graph at this version; else it is refused as a conflict (marginalization).
   void require_version(std::uint64_t version) { required_version_ = version; }
   std::uint64_t required_version() const { return required_version_; }
@@ -191,7 +207,9 @@ class GraphEdit {
   bool applied() const { return applied_; }
 
  private:
+  GraphEdit(const Graph* seen, bool proposes) : seen_(seen), proposes_(proposes) {}
   SlotKey lend_variable(const VariableOps* ops);
+  void check_lender() const;
   FactorId add_factor(const FactorOps* ops, const void* measurement, const void* noise, const Loss& loss,
                       const SlotKey* variables);
   const void* find_value(VariableKey id) const;
@@ -199,7 +217,9 @@ class GraphEdit {
   edit::Variables* known_column(VariableKey id, const char* what);
   [[noreturn]] void unresolved(VariableKey id) const;
 
-  Graph* graph_ = nullptr;
+  Graph* graph_ = nullptr;       // gives the ids
+  const Graph* seen_ = nullptr;  // where existing things are looked up
+  bool proposes_ = false;        // has placeholders instead of ids
   std::vector<std::unique_ptr<edit::Variables>> variables_;
   std::vector<std::unique_ptr<edit::Factors>> factors_;
   edit::Priors priors_;

@@ -61,7 +61,8 @@ class EditReader {
       a.has_first_estimate = flags & kHasFirstEstimate;
       const std::byte* value = r_.get_bytes(bytes);
       const std::byte* estimate = a.has_first_estimate ? r_.get_bytes(bytes) : value;
-      if (!r_.ok() || a.key.index >= end + leap_) return false;
+      const bool placed = is_placeholder(a.key) || a.key.index < end + leap_;
+      if (!r_.ok() || !placed) return false;
       c.add(a, value, estimate);
     }
     return r_.ok();
