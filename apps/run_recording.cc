@@ -9,11 +9,11 @@
 #include <limits>
 #include <memory>
 
-#include "apps/allocation_counter.h"
 #include "apps/command.h"
 #include "oriel/evaluate/associate.h"
 #include "oriel/evaluate/ate.h"
 #include "oriel/io/journal.h"
+#include "oriel/testing/allocation_counter.h"
 #include "oriel/window/inertial_odometry.h"
 
 namespace oriel::apps {

@@ -9,11 +9,11 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "benchmarks/support/allocations.h"
 #include "benchmarks/support/ceres_window.h"
 #include "benchmarks/support/fair_environment.h"
 #include "benchmarks/support/oriel_window.h"
 #include "benchmarks/support/statistics.h"
+#include "oriel/testing/allocation_counter.h"
 
 namespace oriel::benchmark {
 namespace {

@@ -2,46 +2,9 @@
 // its summary carries away.
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
 #include "linear/random_problem.h"
 #include "oriel/solve/native_engine.h"
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define ORIEL_COUNTS_ALLOCATIONS 0  // the sanitizer has an operator new of its own
-#else
-#define ORIEL_COUNTS_ALLOCATIONS 1
-#endif
-
-#if ORIEL_COUNTS_ALLOCATIONS
-namespace {
-std::atomic<long> allocations{0};
-void* counted(std::size_t n) {
-  ++allocations;
-  if (void* p = std::malloc(n == 0 ? 1 : n)) return p;
-  throw std::bad_alloc();
-}
-void* counted(std::size_t n, std::align_val_t a) {
-  ++allocations;
-  const auto align = static_cast<std::size_t>(a);
-  if (void* p = std::aligned_alloc(align, (n + align - 1) / align * align)) return p;
-  throw std::bad_alloc();
-}
-}  // namespace
-void* operator new(std::size_t n) { return counted(n); }
-void* operator new[](std::size_t n) { return counted(n); }
-void* operator new(std::size_t n, std::align_val_t a) { return counted(n, a); }
-void* operator new[](std::size_t n, std::align_val_t a) { return counted(n, a); }
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete[](void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-void operator delete[](void* p, std::size_t) noexcept { std::free(p); }
-void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete[](void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
-void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+#include "oriel/testing/allocation_counter.h"
 
 namespace oriel {
 namespace {
@@ -62,19 +25,20 @@ void fill(RandomProblem& p, bool landmarks) {
 }
 
 TEST(NativeEngine, AllocatesNothingFromTheSecondIterationOn) {
+  if (!counts_allocations()) GTEST_SKIP() << "the sanitizer has an operator new of its own";
   for (const bool landmarks : {false, true})
     for (const int threads : {1, 2}) {
       RandomProblem p(3);
       p.curvature = 0.2;
       fill(p, landmarks);
       NativeEngine engine(p.graph);
-      long at[40] = {};
+      std::int64_t at[40] = {};
       SolveOptions options;
       options.threads = threads;
       options.max_iterations = 30;
       options.function_tolerance = 0.0;
       options.callback = [&](const IterationReport& r) {
-        at[r.iteration] = allocations.load();
+        at[r.iteration] = allocation_count();
         return true;
       };
       const Summary s = engine.solve(options);
@@ -86,4 +50,3 @@ TEST(NativeEngine, AllocatesNothingFromTheSecondIterationOn) {
 
 }  // namespace
 }  // namespace oriel
-#endif

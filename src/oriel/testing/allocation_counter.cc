@@ -1,9 +1,15 @@
-#include "apps/allocation_counter.h"
+#include "oriel/testing/allocation_counter.h"
 
 #include <atomic>
 #include <cstdlib>
 #include <new>
 
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+namespace oriel {
+bool counts_allocations() { return false; }
+std::int64_t allocation_count() { return 0; }
+}  // namespace oriel
+#else
 namespace {
 
 std::atomic<std::int64_t> g_count{0};  // a replaced operator new has no object to keep it in
@@ -16,16 +22,18 @@ void* counted(std::size_t bytes) {
 
 void* counted(std::size_t bytes, std::align_val_t alignment) {
   g_count.fetch_add(1, std::memory_order_relaxed);
-  const std::size_t a = static_cast<std::size_t>(alignment);
-  if (void* p = std::aligned_alloc(a, (bytes + a - 1) / a * a)) return p;
+  const auto a = static_cast<std::size_t>(alignment);
+  const std::size_t rounded = (bytes + a - 1) / a * a;
+  if (void* p = std::aligned_alloc(a, rounded != 0 ? rounded : a)) return p;
   throw std::bad_alloc();
 }
 
 }  // namespace
 
-namespace oriel::apps {
+namespace oriel {
+bool counts_allocations() { return true; }
 std::int64_t allocation_count() { return g_count.load(std::memory_order_relaxed); }
-}  // namespace oriel::apps
+}  // namespace oriel
 
 void* operator new(std::size_t n) { return counted(n); }
 void* operator new[](std::size_t n) { return counted(n); }
@@ -39,3 +47,4 @@ void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
 void operator delete[](void* p, std::align_val_t) noexcept { std::free(p); }
 void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
 void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+#endif
