@@ -156,6 +156,7 @@ bool Minimizer::solve_linear() {
   {
     Stage stage(*this, summary_.seconds.factor);
     const FactorReport& report = factorization.factor(h, e_.damping_.data(), pool_);
+    factored_lambda_ = lambda_;
     if (report.status == FactorReport::Status::not_finite) return false;
     suspicious_ = empty || report.status == FactorReport::Status::undetermined ||
                   report.smallest_ratio < 1e-10 + 10 * lambda_ || !e_.schur_.undetermined().empty();
@@ -272,7 +273,8 @@ void Minimizer::finish() {
   // A start without gradient was never factored; what is undetermined there must be told all the same.
   if (summary_.reason == Reason::gradient_tolerance && summary_.iterations == 0) solve_linear();
   const bool in_time = summary_.reason != Reason::deadline;
-  if (in_time && (suspicious_ || (summary_.linearizations > 0 && has_weak_landmark()))) find_undetermined();
+  if (in_time && (suspicious_ || may_have_gauge() || (summary_.linearizations > 0 && has_weak_landmark())))
+    find_undetermined();
   {
     Stage stage(*this, summary_.seconds.adopt);
     if (!summary_.failed() && summary_.accepted > 0 && !e_.adopt_point()) summary_.reason = Reason::not_finite;

@@ -27,7 +27,11 @@ class Minimizer {
   void finish();
   void name_not_finite();
   bool has_weak_landmark() const;
+  std::pair<int, double> smallest_pivot() const;
+  bool may_have_gauge();
   void find_undetermined();
+  std::vector<int> hold_null_scalars(const double* h);
+  void name_undetermined(const double* h, const std::vector<int>& null);
   double now() const;
   double seconds() const { return now() - began_; }
 
@@ -50,6 +54,7 @@ class Minimizer {
   double began_;                       // [s]
   std::int64_t fallbacks_before_ = 0;  // the linearizer counts on over all solves
   double cost_ = 0.0, lambda_ = 0.0, nu_ = 2.0;
+  double factored_lambda_ = 0.0;  // of the last factorization
   bool stopped_ = false, suspicious_ = false;
   bool solved_ = false;  // the last linear system had a solution
 };
