@@ -100,10 +100,13 @@ class Run {
     return {};
   }
 
-  // Up to the first sample at or after the frame: the motion is interpolated to the frame's own time.
+  // Up to the first sample at or after the frame: the motion is interpolated to the frame's own time. After a gap that
+  // sample is the future, and waits.
   void feed_imu(Time until) {
     while (next_imu_ < recording_.imu.size()) {
-      const RecordedImu& s = recording_.imu[next_imu_++];
+      const RecordedImu& s = recording_.imu[next_imu_];
+      if (s.time > until + PreintegrationOptions{}.max_gap) break;
+      ++next_imu_;
       if (auto ok = odometry_.add_imu({s.time, s.gyro, s.accel}); !ok) warn(ok.error().text());
       if (s.time >= until) break;
     }
@@ -134,6 +137,9 @@ class Run {
       ++frames_after_;
       estimated_ += last_.status == Status::initialised || last_.status == Status::tracking ? 1 : 0;
     }
+    if (last_.without_imu.ns > 0 && last_.status == Status::tracking)
+      warn(fmt::format("frame {}: no IMU samples for {:.2f} s before it; carried on by the cameras", frame.number,
+                       last_.without_imu.seconds()));
     if (last_.status == Status::failed || (last_.status == Status::initialising && frames_after_ > 0))
       warn(fmt::format("frame {}: {}", frame.number, last_.reason));
   }

@@ -109,14 +109,45 @@ TEST(InertialOdometry, HoldsItsLimitsOfStatesAndLeavesNothingOfThoseThatLeft) {
   EXPECT_GT(feed.odometry.left(), 5);
 }
 
-TEST(InertialOdometry, StartsAnewAfterAGapInTheImuWhereItHadBeen) {
-  SimulatedFlight flight({.rest_s = 1.5, .duration_s = 12.0});
-  const Time a = SimulatedFlight::time_of(5.02), b = SimulatedFlight::time_of(5.43);
+void cut_imu(SimulatedFlight& flight, double from_s, double to_s) {
+  const Time a = SimulatedFlight::time_of(from_s), b = SimulatedFlight::time_of(to_s);
   std::erase_if(flight.imu, [&](const ImuSample& s) { return s.time > a && s.time < b; });
+}
+
+TEST(InertialOdometry, CarriesOnByTheCamerasAcrossGapsInTheImu) {
+  SimulatedFlight flight({.rest_s = 1.5, .duration_s = 12.0});
+  cut_imu(flight, 5.02, 5.13);
+  cut_imu(flight, 6.52, 7.03);
+  cut_imu(flight, 8.01, 10.04);
+  Feed feed(flight);
+  feed.all();
+  double missing = 0.0;
+  for (const UpdateReport& r : feed.reports) {
+    EXPECT_NE(r.status, Status::failed);
+    missing += r.without_imu.seconds();
+  }
+  EXPECT_NEAR(missing, 0.11 + 0.51 + 2.03, 0.04);  // a sample before and after each gap is off by up to 5 ms
+  EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
+}
+
+TEST(InertialOdometry, CarriesOnByTheCamerasWhenTheImuIsSilentForGood) {
+  SimulatedFlight flight({.rest_s = 1.5, .duration_s = 9.0});
+  cut_imu(flight, 5.02, 1e3);
+  Feed feed(flight);
+  feed.all();
+  for (const UpdateReport& r : feed.reports) EXPECT_NE(r.status, Status::failed);
+  EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
+}
+
+TEST(InertialOdometry, StartsAnewWhereItHadBeenWhenImuAndTracksAreLostAtOnce) {
+  SimulatedFlight flight({.rest_s = 1.5, .duration_s = 12.0});
+  cut_imu(flight, 5.02, 5.43);
+  for (std::size_t k = 51; k < flight.frames.size(); ++k)
+    for (FeatureObservation& f : flight.frames[k].features) f.track += 1000;
   Feed feed(flight);
   feed.all();
   EXPECT_EQ(feed.reports[51].status, Status::failed);
-  EXPECT_STREQ(feed.reports[51].reason, "no IMU samples reach this frame");
+  EXPECT_STREQ(feed.reports[51].reason, "no IMU samples reach this frame, and too little that is known is in view");
   EXPECT_EQ(feed.reports.back().status, Status::tracking);
   EXPECT_GE(feed.odometry.dropped()[static_cast<std::size_t>(DropReason::no_motion)], 3);
 }

@@ -143,16 +143,7 @@ Result<void> check_samples(std::span<const ImuSample> samples, std::size_t first
   return {};
 }
 
-Result<void> check_interval(std::span<const ImuSample> samples, Time t0, Time t1, const ImuNoise& noise,
-                            Duration reach) {
-  if (!positive(noise.gyro) || !positive(noise.accel) || !positive(noise.gyro_walk) || !positive(noise.accel_walk))
-    return Error{ErrorCode::bad_input, "IMU noise: expected four densities > 0", {}, 0};
-  if (t1 <= t0)
-    return Error{ErrorCode::bad_input,
-                 "preintegration from " + std::to_string(t0.ns) + " ns to " + std::to_string(t1.ns) +
-                     " ns: expected an end after the start",
-                 {},
-                 0};
+Result<void> check_coverage(std::span<const ImuSample> samples, Time t0, Time t1, Duration reach) {
   if (samples.empty())
     return Error{ErrorCode::not_found,
                  "preintegration from " + std::to_string(t0.ns) + " ns to " + std::to_string(t1.ns) +
@@ -186,7 +177,19 @@ std::size_t sample_before(std::span<const ImuSample> samples, Time t) {
 
 }  // namespace
 
-void Preintegrator::step(double dt, const Vec3d& gyro, const Vec3d& accel) {
+Result<void> detail::check_interval(Time t0, Time t1, const ImuNoise& noise) {
+  if (!positive(noise.gyro) || !positive(noise.accel) || !positive(noise.gyro_walk) || !positive(noise.accel_walk))
+    return Error{ErrorCode::bad_input, "IMU noise: expected four densities > 0", {}, 0};
+  if (t1 <= t0)
+    return Error{ErrorCode::bad_input,
+                 "preintegration from " + std::to_string(t0.ns) + " ns to " + std::to_string(t1.ns) +
+                     " ns: expected an end after the start",
+                 {},
+                 0};
+  return {};
+}
+
+void Preintegrator::step(double dt, const Vec3d& gyro, const Vec3d& accel, const ImuNoise& noise) {
   PreintegratedImud& m = result_.motion;
   const Vec3d phi = (gyro - m.bias.gyro) * dt, a = accel - m.bias.accel;
   const StepCoefficients c(phi.squared_norm());
@@ -194,7 +197,7 @@ void Preintegrator::step(double dt, const Vec3d& gyro, const Vec3d& accel) {
   const StepJacobian s = linearize_step(R, phi, a, c, dt);
 
   const auto half = propagate(s, result_.covariance);
-  result_.covariance = propagate(s, half.transposed()) + step_noise(s, noise_);
+  result_.covariance = propagate(s, half.transposed()) + step_noise(s, noise);
   advance_bias_jacobians(s, m);
   m.dp = m.dp + m.dv * dt + R * series_times(phi, a, 0.5, c.C, c.D) * (dt * dt);
   m.dv = m.dv + R * series_times(phi, a, 1.0, c.B, c.C) * dt;
@@ -204,7 +207,8 @@ void Preintegrator::step(double dt, const Vec3d& gyro, const Vec3d& accel) {
 
 Result<Preintegration> preintegrate(std::span<const ImuSample> samples, Time t0, Time t1, const ImuBiasd& bias,
                                     const ImuNoise& noise, const PreintegrationOptions& options) {
-  if (auto ok = check_interval(samples, t0, t1, noise, options.max_extrapolation); !ok) return ok.error();
+  if (auto ok = detail::check_interval(t0, t1, noise); !ok) return ok.error();
+  if (auto ok = check_coverage(samples, t0, t1, options.max_extrapolation); !ok) return ok.error();
   const std::size_t first = sample_before(samples, t0);
   std::size_t last = first;  // the first sample at or after t1, or the last of all
   while (last + 1 < samples.size() && samples[last].time < t1) ++last;

@@ -59,7 +59,8 @@ class Preintegrator {
  public:
   Preintegrator(const ImuBiasd& bias, const ImuNoise& noise) : noise_(noise) { result_.motion.bias = bias; }
   // dt [s] > 0 with constant angular velocity and specific force as measured, biases not yet taken off.
-  void step(double dt, const Vec3d& gyro, const Vec3d& accel);
+  void step(double dt, const Vec3d& gyro, const Vec3d& accel) { step(dt, gyro, accel, noise_); }
+  void step(double dt, const Vec3d& gyro, const Vec3d& accel, const ImuNoise& noise);
   const Preintegration& result() const { return result_; }
 
  private:
@@ -73,5 +74,32 @@ class Preintegrator {
 // is not finite (looked for in the samples that are used, and their neighbours), or an interval that is not covered.
 Result<Preintegration> preintegrate(std::span<const ImuSample> samples, Time t0, Time t1, const ImuBiasd& bias,
                                     const ImuNoise& noise, const PreintegrationOptions& options = {});
+
+namespace detail {
+// Error: an interval without length, a density that is not positive.
+Result<void> check_interval(Time t0, Time t1, const ImuNoise& noise);
+}  // namespace detail
+
+// What is assumed where samples are missing: the turn and the specific force change evenly from those before the gap to
+// those after it; where there is none on one side, the body keeps its attitude and velocity. That is wrong by a
+// constant of about so much all the gap long; as white noise of density σ √T it has σ T at the end, and enters the
+// covariance.
+struct BridgeOptions {
+  PreintegrationOptions covered;      // what is no gap
+  double gyro_sigma = 0.5;            // [rad/s]
+  double accel_sigma = 2.0;           // [m/s²]
+  Duration edge{50'000'000};          // before and after a gap that is averaged, as a sample alone shakes [ns]
+  Duration longest_step{50'000'000};  // [ns]
+};
+struct BridgedPreintegration {
+  Preintegration integral;
+  Duration missing;  // of the interval: how much of it no samples cover
+};
+// As `preintegrate`, but across gaps and beyond the samples in hand. `rest`: the specific force of a body at rest with
+// the attitude at t0, in its frame (minus gravity) [m/s²]. Samples must be finite and rise strictly, as those of an
+// ImuBuffer. Error: an interval without length, a density that is not positive.
+Result<BridgedPreintegration> preintegrate_across(std::span<const ImuSample> samples, Time t0, Time t1,
+                                                  const ImuBiasd& bias, const ImuNoise& noise, const Vec3d& rest,
+                                                  const BridgeOptions& options = {});
 
 }  // namespace oriel

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "oriel/window/relocate.h"
+
 namespace oriel {
 namespace {
 
@@ -11,6 +13,8 @@ const Sighting* sighting_at(const Track& track, Time time) {
     if (s.time == time) return &s;
   return nullptr;
 }
+
+constexpr int kLeastKnown = 12;  // points that a pose is refined from
 
 double angle_between(const Vec3d& a, const Vec3d& b) { return std::atan2(cross(a, b).norm(), a.dot(b)); }
 
@@ -26,7 +30,7 @@ UpdateReport InertialOdometry::track(const StereoFrame& frame) {
   report.status = UpdateReport::Status::failed;
   report.reason = "the frame is not later than the one before";
   if (frame.time <= timeline_.latest()->time) return report;
-  if (!add_frame(frame, nullptr)) return miss(frame, report);
+  if (!add_frame(frame, nullptr, report)) return miss(frame, report);
   missed_ = 0;
   if (!solve_and_gate(options_.max_iterations, report)) return report;
   InertialState& newest = *timeline_.change(frame.time);
@@ -37,11 +41,11 @@ UpdateReport InertialOdometry::track(const StereoFrame& frame) {
   return report;
 }
 
-// The IMU's samples do not reach from the last keyframe to this frame. They may be late; a gap does not go away, and
-// after some frames the window starts anew.
+// The IMU's samples do not reach from the last keyframe to this frame, and the cameras see too little that is known. A
+// gap does not go away, and after some frames the window starts anew.
 UpdateReport InertialOdometry::miss(const StereoFrame& frame, UpdateReport report) {
   drop(DropReason::no_motion);
-  report.reason = "no IMU samples reach this frame";
+  report.reason = "no IMU samples reach this frame, and too little that is known is in view";
   if (++missed_ < options_.most_missed_frames) return report;
   restart();
   return initialise(frame);
@@ -79,35 +83,42 @@ InertialValues InertialOdometry::predict(const InertialState& from, const Preint
   return j;
 }
 
-bool InertialOdometry::add_frame(const StereoFrame& frame, const InertialValues* given) {
+// The motion since a state by the IMU, at the biases of the newest.
+std::optional<BridgedPreintegration> InertialOdometry::motion_since(const InertialState& from, Time to) const {
+  const Vec3d up = {{0.0, 0.0, options_.inertial.gravity}};
+  const Vec3d rest = window_.graph().value(from.pose).R.inverse() * up;
+  const auto motion =
+      preintegrate_across(imu_.samples(), from.time, to, values(*timeline_.latest()).bias, noise_, rest);
+  return motion ? std::optional(*motion) : std::nullopt;
+}
+
+bool InertialOdometry::add_frame(const StereoFrame& frame, const InertialValues* given, UpdateReport& report) {
   const InertialState latest = *timeline_.latest(), keyframe = *last_keyframe();
-  const ImuBiasd bias = values(latest).bias;
-  const auto from_keyframe = preintegrate(imu_.samples(), keyframe.time, frame.time, bias, noise_);
-  if (!from_keyframe) return false;
-  InertialValues predicted;
-  if (given != nullptr) {
-    predicted = *given;
-  } else {
-    const auto from_latest =
-        latest.keyframe ? from_keyframe : preintegrate(imu_.samples(), latest.time, frame.time, bias, noise_);
-    if (!from_latest) return false;
-    predicted = predict(latest, from_latest->motion);
+  const auto from_keyframe = motion_since(keyframe, frame.time), from_latest = motion_since(latest, frame.time);
+  if (!from_keyframe || !from_latest) return false;
+  InertialValues predicted = given != nullptr ? *given : predict(latest, from_latest->integral.motion);
+  drop(DropReason::no_ray, map_.observe(frame, {}, seen_));
+  report.without_imu = from_latest->missing;
+  const bool placed = given != nullptr || refine_prediction(predicted);
+  if (from_keyframe->missing.ns > 0 && !placed) {  // neither the IMU nor the cameras say where it is
+    map_.forget(frame.time);
+    return false;
   }
   GraphEdit& edit = window_.edit();
-  drop(DropReason::no_ray, map_.observe(frame, {}, seen_));
-  if (given == nullptr) refine_prediction(predicted);
   if (!latest.keyframe) give_way(edit);
   const InertialState state{frame.time, edit.add(predicted.T_world_body), edit.add(predicted.velocity),
                             edit.add(predicted.bias), false};
   timeline_.insert(state);
-  edit.add(ImuResiduald{from_keyframe->motion, {{0.0, 0.0, -options_.inertial.gravity}}}, imu_noise(*from_keyframe),
-           keyframe.pose, keyframe.velocity, keyframe.bias, state.pose, state.velocity, state.bias);
+  edit.add(ImuResiduald{from_keyframe->integral.motion, {{0.0, 0.0, -options_.inertial.gravity}}},
+           imu_noise(from_keyframe->integral), keyframe.pose, keyframe.velocity, keyframe.bias, state.pose,
+           state.velocity, state.bias);
   for (const std::uint32_t place : seen_) map_.track(place).sightings.back().pose = state.pose;
   add_sightings(edit);
   return window_.commit().ok();
 }
 
-void InertialOdometry::refine_prediction(InertialValues& predicted) {
+// Against the points that are known. True where enough of them agree with the pose.
+bool InertialOdometry::refine_prediction(InertialValues& predicted) {
   known_.clear();
   for (const std::uint32_t place : seen_) {
     const Track& t = map_.track(place);
@@ -115,9 +126,9 @@ void InertialOdometry::refine_prediction(InertialValues& predicted) {
     const Sighting& s = t.sightings.back();
     if (p) known_.push_back({*p, s.pixel0, s.pixel1, s.has_right});
   }
-  if (known_.size() < 12 || median_error(known_, rig_, predicted.T_world_body, scratch_) < options_.visual.refine_above)
-    return;
-  refine_pose(known_, rig_, {}, predicted.T_world_body, scratch_);
+  if (known_.size() < static_cast<std::size_t>(kLeastKnown)) return false;
+  if (median_error(known_, rig_, predicted.T_world_body, pose_work_.errors) < options_.visual.refine_above) return true;
+  return agrees(find_pose(known_, rig_, kLeastKnown, predicted.T_world_body, pose_work_), kLeastKnown);
 }
 
 // The newest state was no keyframe: it leaves with what it saw, and the IMU links across it.

@@ -14,6 +14,7 @@
 #include "oriel/window/imu_buffer.h"
 #include "oriel/window/initialise.h"
 #include "oriel/window/landmark_builder.h"
+#include "oriel/window/relocate.h"
 #include "oriel/window/sliding_window.h"
 #include "oriel/window/timeline.h"
 #include "oriel/window/trajectory.h"
@@ -44,7 +45,7 @@ enum class DropReason : std::uint8_t {
   marginal_outlier,  // factor: beyond the gate when it was to be marginalized
   marginal_invalid,  // factor: not valid when it was to be marginalized
   uninitialised,     // frame: came before the start
-  no_motion,         // frame: no IMU samples that reach it
+  no_motion,         // frame: no IMU samples that reach it, and too little that is known in view
   count
 };
 inline constexpr std::array<const char*, static_cast<std::size_t>(DropReason::count)> kDropReasonNames = {
@@ -59,6 +60,7 @@ struct UpdateReport {
   InertialValues values;  // at that time; of initialised and tracking
   bool keyframe = false;
   int iterations = 0, landmarks = 0, factors = 0;
+  Duration without_imu;  // since the state before: how long no samples say how it moved
 };
 
 class InertialOdometry {
@@ -85,10 +87,11 @@ class InertialOdometry {
   void restart();
   UpdateReport track(const StereoFrame& frame);
   UpdateReport miss(const StereoFrame& frame, UpdateReport report);
-  bool add_frame(const StereoFrame& frame, const InertialValues* given);
+  std::optional<BridgedPreintegration> motion_since(const InertialState& from, Time to) const;
+  bool add_frame(const StereoFrame& frame, const InertialValues* given, UpdateReport& report);
   bool link(GraphEdit& edit, const InertialState& from, const InertialState& to, const ImuBiasd& bias);
   InertialValues predict(const InertialState& from, const PreintegratedImud& motion) const;
-  void refine_prediction(InertialValues& predicted);
+  bool refine_prediction(InertialValues& predicted);
   void give_way(GraphEdit& edit);
   void add_sightings(GraphEdit& edit);
   bool solve_and_gate(int iterations, UpdateReport& report);
@@ -117,6 +120,7 @@ class InertialOdometry {
 
   std::vector<std::uint32_t> seen_;  // places of the newest frame's tracks
   std::vector<PointSighting> known_;
+  PoseWorkspace pose_work_;
   std::vector<VariableKey> leaving_;
   mutable std::vector<double> scratch_;
 };

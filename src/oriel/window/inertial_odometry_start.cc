@@ -102,7 +102,7 @@ bool InertialOdometry::begin(const Initialisation& start, UpdateReport& report) 
   for (std::size_t k = 1; k < start.states.size(); ++k) {
     const FirstState& s = start.states[k];
     v = {T_world_origin * s.T_world_body, {T_world_origin.R * s.v_world}, start.bias};
-    if (!add_frame(initialiser_.frame(s.frame), &v)) return false;
+    if (!add_frame(initialiser_.frame(s.frame), &v, report)) return false;
     timeline_.change(s.time)->keyframe = true;
   }
   if (start.states.size() > 1) {

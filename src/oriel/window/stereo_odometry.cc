@@ -32,8 +32,8 @@ int StereoOdometry::add(const StereoFrame& frame, const Rot3d& turn) {
     if (at != points_.end() && at->first == f.track)
       sightings_.push_back({at->second, f.pixel0, f.pixel1, f.has_right});
   }
-  const RefinePoseReport report = refine_pose(sightings_, rig_, {}, T, scratch_);
-  if (!report.solved || 2 * report.inliers < report.valid || report.inliers < least_points_) return 0;
+  const RefinePoseReport report = find_pose(sightings_, rig_, least_points_, T, work_);
+  if (!agrees(report, least_points_)) return 0;
   triangulate_new(frame, T);
   poses_.push_back({frame.time, T});
   return report.inliers;

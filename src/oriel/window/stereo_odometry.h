@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "oriel/sensor/feature_track.h"
-#include "oriel/window/refine_pose.h"
+#include "oriel/window/relocate.h"
 
 namespace oriel {
 
@@ -33,7 +33,7 @@ class StereoOdometry {
   std::vector<TimedPose> poses_;
   std::vector<std::pair<std::int64_t, Vec3d>> points_;  // by track
   std::vector<PointSighting> sightings_;
-  std::vector<double> scratch_;
+  PoseWorkspace work_;
 };
 
 }  // namespace oriel
