@@ -46,6 +46,11 @@ double worst_error(const SimulatedFlight& flight, const Trajectory& t) {
   return worst;
 }
 
+void cut_imu(SimulatedFlight& flight, double from_s, double to_s) {
+  const Time a = SimulatedFlight::time_of(from_s), b = SimulatedFlight::time_of(to_s);
+  std::erase_if(flight.imu, [&](const ImuSample& s) { return s.time > a && s.time < b; });
+}
+
 TEST(InertialOdometry, FollowsAFlightThatStartsAtRest) {
   const SimulatedFlight flight({.rest_s = 1.5, .duration_s = 12.0});
   Feed feed(flight);
@@ -67,6 +72,14 @@ TEST(InertialOdometry, FollowsAFlightThatStartsInMotion) {
   EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
 }
 
+TEST(InertialOdometry, DoesNotTakeAnEvenGlideForRest) {
+  const SimulatedFlight flight({.rest_s = 2.5, .glide = 0.2, .duration_s = 10.0});
+  Feed feed(flight);
+  feed.all();
+  EXPECT_EQ(feed.reports.back().status, Status::tracking);
+  EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
+}
+
 TEST(InertialOdometry, FollowsKeyframesThatAreASecondApart) {
   const SimulatedFlight flight({.rest_s = 1.5, .duration_s = 40.0, .frame_interval_s = 1.0, .seed = 3});
   Feed feed(flight);
@@ -80,6 +93,26 @@ TEST(InertialOdometry, StandsATenthOfGrossErrorsAndCountsThem) {
   feed.all();
   EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
   EXPECT_GT(feed.odometry.dropped()[static_cast<std::size_t>(DropReason::outlier)], 100);
+}
+
+TEST(InertialOdometry, StandsAFrameWithFewTracksOfWhichMostAreWrong) {
+  SimulatedFlight flight({.rest_s = 1.5, .duration_s = 12.0, .frame_interval_s = 0.5, .seed = 9});
+  cut_imu(flight, 6.1, 6.9);
+  std::vector<FeatureObservation>& features = flight.frames[14].features;  // 7.0 s
+  features.resize(30);
+  for (std::size_t k = 0; k < features.size(); ++k) {
+    if (k % 5 >= 3) continue;
+    const Vec2d off = {
+        {40.0 + 30.0 * std::cos(1.0 * static_cast<double>(k)), 30.0 * std::sin(1.7 * static_cast<double>(k))}};
+    features[k].pixel0 = features[k].pixel0 + off;
+    features[k].pixel1 = features[k].pixel1 + off;
+  }
+  OdometryOptions options;
+  options.visual.loss = Huber(1.345);
+  Feed feed(flight, options);
+  feed.all();
+  EXPECT_EQ(feed.reports.back().status, Status::tracking);
+  EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
 }
 
 TEST(InertialOdometry, KeepsGoingByTheImuWhileNothingIsSeen) {
@@ -107,11 +140,6 @@ TEST(InertialOdometry, HoldsItsLimitsOfStatesAndLeavesNothingOfThoseThatLeft) {
     ASSERT_LE(g.priors().slots().size(), 1u);
   }
   EXPECT_GT(feed.odometry.left(), 5);
-}
-
-void cut_imu(SimulatedFlight& flight, double from_s, double to_s) {
-  const Time a = SimulatedFlight::time_of(from_s), b = SimulatedFlight::time_of(to_s);
-  std::erase_if(flight.imu, [&](const ImuSample& s) { return s.time > a && s.time < b; });
 }
 
 TEST(InertialOdometry, CarriesOnByTheCamerasAcrossGapsInTheImu) {

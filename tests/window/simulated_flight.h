@@ -15,6 +15,7 @@ namespace oriel {
 
 struct FlightOptions {
   double rest_s = 0.0;  // at the start
+  double glide = 0.0;   // an even motion besides, from the start on [m/s]
   double duration_s = 12.0;
   double frame_interval_s = 0.1;
   double pixel_sigma = 0.5;    // [px]
@@ -52,7 +53,8 @@ class SimulatedFlight {
     const Rot3d turn = Rot3d::exp({{0.0, 0.0, 0.5 * std::sin(0.7 * u)}});
     const Rot3d sway = Rot3d::exp({{0.1 * std::sin(1.3 * u), 0.08 * std::sin(0.9 * u), 0.0}});
     return {(turn * ahead * sway).normalized(),
-            {{0.8 * std::sin(0.6 * u), 0.7 * std::sin(0.8 * u) * std::cos(0.3 * u), 0.4 * std::sin(0.5 * u)}}};
+            {{0.8 * std::sin(0.6 * u), o_.glide * t + 0.7 * std::sin(0.8 * u) * std::cos(0.3 * u),
+              0.4 * std::sin(0.5 * u)}}};
   }
 
  private:

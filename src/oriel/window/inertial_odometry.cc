@@ -14,7 +14,7 @@ const Sighting* sighting_at(const Track& track, Time time) {
   return nullptr;
 }
 
-constexpr int kLeastKnown = 12;  // points that a pose is refined from
+constexpr int kLeastKnown = 8;  // points that a pose is refined from
 
 double angle_between(const Vec3d& a, const Vec3d& b) { return std::atan2(cross(a, b).norm(), a.dot(b)); }
 
@@ -117,18 +117,31 @@ bool InertialOdometry::add_frame(const StereoFrame& frame, const InertialValues*
   return window_.commit().ok();
 }
 
-// Against the points that are known. True where enough of them agree with the pose.
+// Against the points that are known. True where enough of them agree with the pose; the sightings of those that are far
+// from it are wrong matches and do not enter the solve.
 bool InertialOdometry::refine_prediction(InertialValues& predicted) {
   known_.clear();
+  known_places_.clear();
   for (const std::uint32_t place : seen_) {
     const Track& t = map_.track(place);
     const std::optional<Vec3d> p = builder_.position(window_.graph(), t);
     const Sighting& s = t.sightings.back();
-    if (p) known_.push_back({*p, s.pixel0, s.pixel1, s.has_right});
+    if (!p) continue;
+    known_.push_back({*p, s.pixel0, s.pixel1, s.has_right});
+    known_places_.push_back(place);
   }
   if (known_.size() < static_cast<std::size_t>(kLeastKnown)) return false;
-  if (median_error(known_, rig_, predicted.T_world_body, pose_work_.errors) < options_.visual.refine_above) return true;
-  return agrees(find_pose(known_, rig_, kLeastKnown, predicted.T_world_body, pose_work_), kLeastKnown);
+  Pose3d& T = predicted.T_world_body;
+  if (!(median_error(known_, rig_, T, pose_work_.errors) < options_.visual.refine_above) &&
+      !agrees(find_pose(known_, rig_, kLeastKnown, T, pose_work_), kLeastKnown))
+    return false;
+  for (std::size_t k = 0; k < known_.size(); ++k) {
+    if (error_at(known_[k], rig_, T) <= options_.visual.match_gate) continue;
+    map_.track(known_places_[k]).sightings.pop_back();
+    std::erase(seen_, known_places_[k]);
+    drop(DropReason::outlier);
+  }
+  return true;
 }
 
 // The newest state was no keyframe: it leaves with what it saw, and the IMU links across it.

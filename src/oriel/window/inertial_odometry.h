@@ -120,6 +120,7 @@ class InertialOdometry {
 
   std::vector<std::uint32_t> seen_;  // places of the newest frame's tracks
   std::vector<PointSighting> known_;
+  std::vector<std::uint32_t> known_places_;
   PoseWorkspace pose_work_;
   std::vector<VariableKey> leaving_;
   mutable std::vector<double> scratch_;

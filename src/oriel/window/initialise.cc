@@ -166,7 +166,8 @@ Initialisation Initialiser::attempt(const ImuBuffer& imu) {
     none.reason = "one frame";
     return none;
   }
-  if (const auto still = find_standstill(imu.samples(), t0, now, options_.initialisation)) return start_still(*still);
+  const auto still = find_standstill(imu.samples(), t0, now, options_.initialisation);
+  if (still && tracks_are_still(t0 + still->length)) return start_still(*still);
   if (!stereo_) {
     none.reason = "one camera: a start in motion needs two";
     return none;
@@ -177,6 +178,20 @@ Initialisation Initialiser::attempt(const ImuBuffer& imu) {
     return none;
   }
   return start_moving(imu);
+}
+
+// An even glide is rest to an IMU; the cameras see the difference, if there is a frame in that time.
+bool Initialiser::tracks_are_still(Time until) const {
+  std::size_t last = 0;
+  while (last + 1 < frames_.size() && frames_[last + 1].time <= until) ++last;
+  std::vector<double> moved;
+  for (const FeatureObservation& f : frames_[last].features)
+    for (const FeatureObservation& g : frames_.front().features)
+      if (g.track == f.track) moved.push_back((f.pixel0 - g.pixel0).norm());
+  if (moved.size() < static_cast<std::size_t>(options_.initialisation.least_inliers)) return true;
+  const auto middle = moved.begin() + static_cast<std::ptrdiff_t>(moved.size() / 2);
+  std::nth_element(moved.begin(), middle, moved.end());
+  return *middle <= options_.initialisation.still_pixels;
 }
 
 Initialisation Initialiser::start_still(const Standstill& still) const {

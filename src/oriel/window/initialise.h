@@ -74,6 +74,7 @@ class Initialiser {
   std::vector<Placed> place_frames(const ImuBuffer& imu) const;
   Initialisation start_moving(const ImuBuffer& imu);
   Initialisation start_still(const Standstill& still) const;
+  bool tracks_are_still(Time until) const;
 
   struct Kept {
     Time time;

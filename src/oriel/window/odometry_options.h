@@ -18,6 +18,7 @@ struct VisualOptions {
   double pixel_sigma = 1.0;  // of a coordinate [px]
   Loss loss = Cauchy(2.0);   // scale in sigmas of one camera's coordinates
   double gate = 5.0;         // a sighting whose error in either camera is longer is taken out after the solve [px]
+  double match_gate = 15.0;  // a sighting of a known point further off is no match, where the frame's pose is sure [px]
   double start_gate = 30.0;  // a landmark does not start while a sighting is further off [px]
   double least_depth = 0.2, greatest_depth = 150.0;  // [m]
   double least_parallax = 0.003;                     // of a landmark's rays [rad]
@@ -26,7 +27,7 @@ struct VisualOptions {
 
 struct InertialOptions {
   // What multiplies the densities of the sensor's data sheet: it leaves out vibration, scale and axis errors.
-  double noise_factor = 4.0, walk_factor = 1.0;
+  double noise_factor = 8.0, walk_factor = 1.0;
   double gravity = 9.81;                                  // [m/s²]
   double gyro_bias_sigma = 0.01, accel_bias_sigma = 0.1;  // of the first state [rad/s] [m/s²]
 };
@@ -36,6 +37,7 @@ struct InitialisationOptions {
   Duration block{500'000'000};                     // over which the IMU is averaged to see whether it is still [ns]
   double still_gyro = 0.01;                        // how far the averages of blocks may lie apart [rad/s]
   double still_accel = 0.1;                        // [m/s²]
+  double still_pixels = 3.0;                       // how far tracks may move in the meantime, in the median [px]
   Duration moving{1'500'000'000};                  // of frames, where it starts in motion [ns]
   int least_frames = 5;                            // with a known relative pose
   int least_inliers = 8;                           // points that a relative pose is found from

@@ -69,6 +69,12 @@ bool step(std::span<const PointSighting> sightings, const StereoRigd& rig, doubl
 
 }  // namespace
 
+double error_at(const PointSighting& s, const StereoRigd& rig, const Pose3d& T) {
+  Vec4d r;
+  const int rows = project(s, rig, T, r, nullptr);
+  return rows > 0 ? error_of(r, rows) : HUGE_VAL;
+}
+
 double median_error(std::span<const PointSighting> sightings, const StereoRigd& rig, const Pose3d& T,
                     std::vector<double>& scratch) {
   scratch.clear();

@@ -31,6 +31,9 @@ struct RefinePoseReport {
 RefinePoseReport refine_pose(std::span<const PointSighting> sightings, const StereoRigd& rig,
                              const RefinePoseOptions& options, Pose3d& T_world_body, std::vector<double>& scratch);
 
+// Length of the error in the worse camera [px]; infinite where the point is not in view.
+double error_at(const PointSighting& sighting, const StereoRigd& rig, const Pose3d& T_world_body);
+
 // Median of the errors' lengths at a pose [px]; how many were valid.
 double median_error(std::span<const PointSighting> sightings, const StereoRigd& rig, const Pose3d& T_world_body,
                     std::vector<double>& scratch);

@@ -1,5 +1,6 @@
 #include "oriel/window/relocate.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -8,9 +9,12 @@
 namespace oriel {
 namespace {
 
-constexpr int kTriples = 100;             // 1 - (1 - 0.5³)^100 = 1 - 2e-6 that one is free of errors if half are
+constexpr int kTriples = 150;             // 1 - (1 - 0.33³)^150 = 0.996 that one is free of errors if a third is right
+constexpr double kCut = 10.0;             // of an error: stereo depth is rough [px]
 constexpr double kLeastParallax = 0.006;  // [rad]: 20 m for a baseline of 0.11 m
 constexpr double kTolerance = 0.3;        // stereo depth is rough
+
+double square(double x) { return x * x; }
 
 std::optional<Vec3d> place_in_body(const PointSighting& s, const StereoRigd& rig) {
   if (!s.has_right) return std::nullopt;
@@ -78,16 +82,17 @@ std::optional<Pose3d> relocate(std::span<const PointSighting> sightings, const S
     }
     const std::optional<Pose3d> T = lay_triangle(a, b, kTolerance);
     if (!T) continue;
-    const double median = median_error(sightings, rig, *T, work.errors);
-    if (2 * work.errors.size() < sightings.size() || !(median < least)) continue;
-    least = median;
+    double sum = 0.0;
+    for (const PointSighting& s : sightings) sum += square(std::min(kCut, error_at(s, rig, *T)));
+    if (!(sum < least)) continue;
+    least = sum;
     best = T;
   }
   return best;
 }
 
 bool agrees(const RefinePoseReport& report, int least_points) {
-  return report.solved && report.inliers >= least_points && 2 * report.inliers >= report.valid;
+  return report.solved && report.inliers >= least_points && 3 * report.inliers >= report.valid;
 }
 
 RefinePoseReport find_pose(std::span<const PointSighting> sightings, const StereoRigd& rig, int least_points,

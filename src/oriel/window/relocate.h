@@ -1,6 +1,7 @@
 // Where a stereo frame is among points that are known, without a guess: for many triples of its points, placed in the
-// body by the two cameras, the pose that lays them on the known ones; the one with the least median of errors in the
-// image (Rousseeuw, "Least median of squares regression", 1984) stands against half of them being wrong.
+// body by the two cameras, the pose that lays them on the known ones; that with the least sum of squared errors in the
+// image, each cut at some pixels (MSAC: Torr & Zisserman, "MLESAC", 2000, eq. 19), stands against most of them being
+// wrong.
 #pragma once
 #include <optional>
 #include <span>
@@ -30,7 +31,7 @@ std::optional<Pose3d> relocate(std::span<const PointSighting> sightings, const S
 // refine_pose from the pose given; where too few points agree with what it finds, from where relocate says.
 RefinePoseReport find_pose(std::span<const PointSighting> sightings, const StereoRigd& rig, int least_points,
                            Pose3d& T_world_body, PoseWorkspace& work);
-// At least `least_points` and half of them agree.
+// At least `least_points` and a third of those in view agree.
 bool agrees(const RefinePoseReport& report, int least_points);
 
 }  // namespace oriel

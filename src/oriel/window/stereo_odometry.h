@@ -19,7 +19,7 @@ class StereoOdometry {
   StereoOdometry(const StereoRigd& rig, int least_points) : rig_(rig), least_points_(least_points) {}
 
   // `turn` is the rotation since the last frame that was kept, R_last_body, as a gyroscope says. The first frame is the
-  // origin. Returns how many points agree with the pose that was found, or 0 if they are less than half; the first
+  // origin. Returns how many points agree with the pose that was found, or 0 if they are less than a third; the first
   // frame has as many as it triangulated. Where they are fewer than `least_points` the frame is not kept, and the next
   // one's turn is still since the last frame that was.
   int add(const StereoFrame& frame, const Rot3d& turn);
