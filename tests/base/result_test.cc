@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "oriel/base/byte_column.h"
+#include "oriel/base/check.h"
 #include "oriel/base/finite.h"
 #include "oriel/base/time.h"
 

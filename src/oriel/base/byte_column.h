@@ -1,6 +1,5 @@
 // A growable column of trivially copyable values of one size that is known at run time.
 #pragma once
-#include <algorithm>
 #include <cstddef>
 #include <cstring>
 #include <vector>
@@ -17,19 +16,13 @@ class ByteColumn {
   const std::byte* data() const { return bytes_.data(); }
   std::byte* at(std::size_t i) { return bytes_.data() + i * stride_; }
   const std::byte* at(std::size_t i) const { return bytes_.data() + i * stride_; }
-  void push_back(const void* value) {
-    const auto* p = static_cast<const std::byte*>(value);
-    bytes_.insert(bytes_.end(), p, p + stride_);
-  }
+  void push_back(const void* value);
   void set(std::size_t i, const void* value) { std::memcpy(at(i), value, stride_); }
   void move(std::size_t from, std::size_t to) { std::memcpy(at(to), at(from), stride_); }
-  void resize(std::size_t n) { bytes_.resize(n * stride_); }
+  void resize(std::size_t n);
   // At least; grows by doubling, so that one by one stays linear.
   std::size_t capacity() const { return stride_ == 0 ? 0 : bytes_.capacity() / stride_; }
-  void reserve(std::size_t n) {
-    if (n * stride_ > bytes_.capacity())
-      bytes_.reserve(n * stride_ > 2 * bytes_.capacity() ? n * stride_ : 2 * bytes_.capacity());
-  }
+  void reserve(std::size_t n);
   void clear() { bytes_.clear(); }
 
  private:

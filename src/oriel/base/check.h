@@ -12,7 +12,9 @@ class ContractViolation : public std::logic_error {
   using std::logic_error::logic_error;
 };
 
-[[noreturn]] inline void contract_violated(const std::string& what) { throw ContractViolation(what); }
+// Compiled in the library, so that who only checks compiles no strings.
+[[noreturn]] void contract_violated(const std::string& what);
+[[noreturn]] void contract_violated(const char* what);
 
 inline void check(bool holds, const char* what) {
   if (!holds) [[unlikely]]

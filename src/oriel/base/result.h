@@ -2,12 +2,10 @@
 // Bad input is answered with it; nothing in the library throws for bad input.
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <ostream>
 #include <string>
 #include <utility>
-#include <variant>
-
-#include "oriel/base/check.h"
 
 namespace oriel {
 
@@ -30,25 +28,28 @@ struct Error {
   std::string file = {};  // empty where the input is not a file
   std::int64_t line = 0;  // from 1; 0 where there is none
 
-  std::string text() const {
-    if (file.empty()) return message;
-    return file + (line > 0 ? ":" + std::to_string(line) : "") + ": " + message;
-  }
+  std::string text() const;  // "file:line: message"
 };
 
-inline std::ostream& operator<<(std::ostream& out, const Error& e) { return out << e.text(); }
+std::ostream& operator<<(std::ostream& out, const Error& e);
+
+namespace detail {
+[[noreturn]] void value_of_error(const Error& error);
+[[noreturn]] void error_of_value();
+}  // namespace detail
 
 template <class T>
 class [[nodiscard]] Result {
  public:
-  Result(T value) : state_(std::move(value)) {}      // NOLINT(google-explicit-constructor): `return value;`
-  Result(Error error) : state_(std::move(error)) {}  // NOLINT(google-explicit-constructor): `return Error{...};`
+  Result(T value) : value_(std::move(value)) {}      // NOLINT(google-explicit-constructor): `return value;`
+  Result(Error error) : error_(std::move(error)) {}  // NOLINT(google-explicit-constructor): `return Error{...};`
 
-  bool ok() const { return state_.index() == 0; }
+  bool ok() const { return value_.has_value(); }
   explicit operator bool() const { return ok(); }
   const Error& error() const {
-    check(!ok(), "Result::error() of a result that holds a value");
-    return std::get<1>(state_);
+    if (ok()) [[unlikely]]
+      detail::error_of_value();
+    return error_;
   }
   T& value() & { return get(); }
   const T& value() const& { return const_cast<Result*>(this)->get(); }
@@ -62,10 +63,12 @@ class [[nodiscard]] Result {
  private:
   T& get() {
     if (!ok()) [[unlikely]]
-      contract_violated("Result::value() of an error: " + std::get<1>(state_).text());
-    return std::get<0>(state_);
+      detail::value_of_error(error_);
+    return *value_;
   }
-  std::variant<T, Error> state_;
+  // Not a std::variant: its header and its visitors are a tenth of a second for every program that includes this.
+  std::optional<T> value_;
+  Error error_;
 };
 
 // The value, or the error: for printing what came back.
@@ -83,7 +86,8 @@ class [[nodiscard]] Result<void> {
   bool ok() const { return ok_; }
   explicit operator bool() const { return ok_; }
   const Error& error() const {
-    check(!ok_, "Result::error() of a result that holds a value");
+    if (ok_) [[unlikely]]
+      detail::error_of_value();
     return error_;
   }
 

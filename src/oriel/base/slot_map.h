@@ -35,7 +35,8 @@ void reserve_more(Vector& v, std::size_t more) {
   if (wanted > v.capacity()) v.reserve(wanted > 2 * v.capacity() ? wanted : 2 * v.capacity());
 }
 
-// The keys alone; whoever owns values keeps them in columns beside it.
+// The keys alone; whoever owns values keeps them in columns beside it. What is asked in loops is inline; what changes
+// the keys is in the library, for the sake of compile time.
 class SlotIndex {
  public:
   static constexpr std::uint32_t kNone = 0xffffffffu;
@@ -64,25 +65,9 @@ class SlotIndex {
   std::uint32_t dense(std::uint32_t index) const { return slots_[index].dense; }
 
   // A key that nobody has had. It resolves to nothing until it is inserted.
-  SlotKey lend() {
-    while (!free_.empty()) {
-      const SlotKey k = free_.back();
-      free_.pop_back();
-      if (k.index >= slots_.size()) continue;
-      Slot& s = slots_[k.index];
-      // A slot may have been filled since, under an id that came from elsewhere.
-      if (s.dense != kNone || k.generation <= s.generation || k.generation <= s.lent) continue;
-      s.lent = k.generation;
-      return k;
-    }
-    slots_.resize(next_ + 1);
-    slots_[next_].lent = 1;
-    return {next_++, 1};
-  }
+  SlotKey lend();
   // Back from an edit that will not be applied; its generation is spent.
-  void give_back(SlotKey k) {
-    if (!is_placeholder(k)) free_.push_back({k.index, k.generation + 1});
-  }
+  void give_back(SlotKey k);
 
   // Slots that were ever in use: the index of every live key is below.
   std::uint32_t slot_count() const { return static_cast<std::uint32_t>(slots_.size()); }
@@ -99,31 +84,9 @@ class SlotIndex {
     return is_new(k, incoming) && find_slot(k.index) == kNone;
   }
   // Appends; the dense position of the new value. Serials rise.
-  std::uint32_t insert(SlotKey k, std::uint64_t serial) {
-    check(is_new(k, kNone) && find_slot(k.index) == kNone, "a slot key is inserted twice");
-    if (k.index >= slots_.size()) slots_.resize(k.index + 1);
-    next_ = static_cast<std::uint32_t>(slots_.size());
-    const std::uint32_t d = extent();
-    slots_[k.index].dense = d;
-    slots_[k.index].generation = k.generation;
-    slot_of_.push_back(k.index);
-    serial_.push_back(serial);
-    last_serial_ = serial;
-    ++live_;
-    return d;
-  }
+  std::uint32_t insert(SlotKey k, std::uint64_t serial);
   // False for a key that does not resolve.
-  bool erase(SlotKey k) {
-    const std::uint32_t d = find(k);
-    if (d == kNone) return false;
-    slot_of_[d] = kNone;
-    Slot& s = slots_[k.index];
-    s.dense = kNone;
-    free_.push_back({k.index, (s.lent > s.generation ? s.lent : s.generation) + 1});
-    if (free_.size() > 2 * slots_.size() + 64) forget_used_up();
-    --live_;
-    return true;
-  }
+  bool erase(SlotKey k);
 
   bool wants_compaction() const { return (extent() - live_) * 4 > extent(); }
   // Closes the holes in order: move(from, to) for each value that changes its place, then resize(live).
@@ -140,23 +103,15 @@ class SlotIndex {
       }
       ++to;
     }
-    slot_of_.resize(to);
-    serial_.resize(to);
+    truncate(to);
     resize(to);
   }
-  void reserve(std::uint32_t more) {
-    reserve_more(slots_, more);
-    reserve_more(slot_of_, more);
-    reserve_more(serial_, more);
-    reserve_more(free_, std::size_t{live_} + more);
-  }
+  void reserve(std::uint32_t more);
 
  private:
-  // A follower never lends, so that what could be lent piles up: all but the latest key of each slot is used up.
-  void forget_used_up() {
-    std::erase_if(free_,
-                  [this](SlotKey k) { return k.index >= slots_.size() || k.generation <= slots_[k.index].generation; });
-  }
+  void forget_used_up();
+
+  void truncate(std::uint32_t extent);
 
   static constexpr std::size_t kLargestLeap = std::size_t{1} << 24;
   struct Slot {

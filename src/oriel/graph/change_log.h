@@ -30,46 +30,19 @@ class ChangeLog {
     std::uint64_t version = 0;
   };
 
-  Subscription subscribe() {
-    for (std::uint32_t i = 0; i < seen_.size(); ++i)
-      if (seen_[i] == kNobody) {
-        seen_[i] = 0;
-        return {i};
-      }
-    seen_.push_back(0);
-    return {static_cast<std::uint32_t>(seen_.size() - 1)};
-  }
-  void unsubscribe(Subscription s) {
-    seen_[s.number] = kNobody;
-    forget();
-  }
+  Subscription subscribe();
+  void unsubscribe(Subscription s) { mark_seen(s, kNobody); }
   std::uint64_t seen(Subscription s) const { return seen_[s.number]; }
-  void mark_seen(Subscription s, std::uint64_t version) {
-    seen_[s.number] = version;
-    forget();
-  }
+  void mark_seen(Subscription s, std::uint64_t version);
 
-  void note(const Removal& r) {
-    if (least_seen() != kNobody) removals_.push_back(r);
-  }
-  void note(const Change& c) {
-    if (least_seen() != kNobody) changes_.push_back(c);
-  }
+  void note(const Removal& r);
+  void note(const Change& c);
   const std::vector<Removal>& removals() const { return removals_; }
   const std::vector<Change>& changes() const { return changes_; }
 
  private:
   static constexpr std::uint64_t kNobody = ~std::uint64_t{0};
-  std::uint64_t least_seen() const {
-    std::uint64_t least = kNobody;
-    for (std::uint64_t s : seen_) least = s < least ? s : least;
-    return least;
-  }
-  void forget() {
-    const std::uint64_t least = least_seen();
-    std::erase_if(removals_, [least](const Removal& r) { return r.removed <= least; });
-    std::erase_if(changes_, [least](const Change& c) { return c.version <= least; });
-  }
+  std::uint64_t least_seen() const;
 
   std::vector<std::uint64_t> seen_;
   std::vector<Removal> removals_;

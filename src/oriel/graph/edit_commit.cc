@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "oriel/graph/labels.h"
+
 namespace oriel {
 
 void EditCommit::run() {
@@ -222,8 +224,7 @@ void EditCommit::remove_variables() {
         remove_factor(e.table, g_.tables_[e.table]->slots().key_of_slot(e.slot));
       }
       g_.log_.note(ChangeLog::Removal{false, c->ops->key, k, pool.versions(dense).added, g_.version_});
-      if (const auto type = g_.labels_.find(c->ops->key); type != g_.labels_.end())
-        type->second.erase((std::uint64_t{k.index} << 32) | k.generation);
+      if (g_.labels_) g_.labels_->erase({c->ops->key, k});
       pool.erase(dense);
     }
   }
@@ -239,8 +240,8 @@ void EditCommit::add_variables() {
       if (a.has_first_estimate) pool.set_first_estimate(dense, c->first_estimates.at(i), g_.version_);
     }
   }
-  for (const auto& [id, text] : edit_.labels())
-    g_.labels_[id.type][(std::uint64_t{id.key.index} << 32) | id.key.generation] = text;
+  if (!g_.labels_ && !edit_.labels().empty()) g_.labels_ = make_owned<LabelTable>();
+  for (const auto& [id, text] : edit_.labels()) g_.labels_->set(id, text);
 }
 
 void EditCommit::add_factors() {

@@ -2,6 +2,7 @@
 
 #include "oriel/graph/edit_commit.h"
 #include "oriel/graph/edit_validator.h"
+#include "oriel/graph/labels.h"
 
 namespace oriel {
 
@@ -39,7 +40,7 @@ Result<void> Graph::adopt(const Solution& solution) noexcept {
 std::uint32_t Graph::pool_index(const VariableOps* ops) {
   for (std::uint32_t i = 0; i < pools_.size(); ++i)
     if (pools_[i]->ops().key == ops->key) return i;
-  pools_.push_back(std::make_unique<VariablePool>(ops));
+  pools_.push_back(make_owned<VariablePool>(ops));
   return static_cast<std::uint32_t>(pools_.size() - 1);
 }
 
@@ -48,7 +49,7 @@ std::uint32_t Graph::table_index(const FactorOps* ops) {
     if (tables_[i]->ops().key == ops->key) return i;
   check(ops->variables.size() <= 16, "a residual has at most 16 variables");
   for (const VariableOps* v : ops->variables) pool_index(v);
-  tables_.push_back(std::make_unique<FactorTable>(ops));
+  tables_.push_back(make_owned<FactorTable>(ops));
   return static_cast<std::uint32_t>(tables_.size() - 1);
 }
 
@@ -103,13 +104,21 @@ bool Graph::fixed(VariableKey id) const {
 std::string Graph::describe(VariableKey id) const {
   const VariableOps* ops = find_ops(id.type);
   std::string text = ops == nullptr ? "variable of an unknown type" : std::string(ops->name);
-  if (const auto type = labels_.find(id.type); type != labels_.end()) {
-    const auto label = type->second.find((std::uint64_t{id.key.index} << 32) | id.key.generation);
-    if (label != type->second.end()) return text + " '" + label->second + "'";
-  }
-  if (is_placeholder(id.key)) return text + " (new, number " + std::to_string(placeholder_number(id.key) + 1) + ")";
-  return text + " #" + std::to_string(id.key.index) + "." + std::to_string(id.key.generation);
+  if (const std::string* label = labels_ ? labels_->find(id) : nullptr)
+    return text.append(" '").append(*label).append("'");
+  if (is_placeholder(id.key))
+    return text.append(" (new, number ").append(std::to_string(placeholder_number(id.key) + 1)).append(")");
+  text.append(" #").append(std::to_string(id.key.index));
+  return text.append(".").append(std::to_string(id.key.generation));
 }
+
+void Graph::unresolved(VariableKey id) const {
+  std::string what = "Graph::value: ";
+  contract_violated(what.append(describe(id)).append(" is not in the graph"));
+}
+
+SlotKey Graph::lend(const VariableOps* ops) { return pools_[pool_index(ops)]->slots().lend(); }
+SlotKey Graph::lend(const FactorOps* ops) { return tables_[table_index(ops)]->slots().lend(); }
 
 void Graph::give_back(const GraphEdit& edit) {
   for (const auto& c : edit.variable_columns())
@@ -139,8 +148,8 @@ void collect_added(const VariablePool& pool, std::uint64_t seen, GraphEdit& out)
   }
 }
 
-void collect_added(const FactorTable& table, const std::vector<std::unique_ptr<VariablePool>>& pools,
-                   std::uint64_t seen, GraphEdit& out) {
+void collect_added(const FactorTable& table, const std::vector<Owned<VariablePool>>& pools, std::uint64_t seen,
+                   GraphEdit& out) {
   const std::uint32_t first = first_after(table.extent(), seen, [&](auto r) { return table.added(r); });
   for (std::uint32_t r = first; r < table.extent(); ++r) {
     if (!table.slots().is_live(r)) continue;
@@ -153,7 +162,7 @@ void collect_added(const FactorTable& table, const std::vector<std::unique_ptr<V
   }
 }
 
-void collect_added(const PriorTable& table, const std::vector<std::unique_ptr<VariablePool>>& pools, std::uint64_t seen,
+void collect_added(const PriorTable& table, const std::vector<Owned<VariablePool>>& pools, std::uint64_t seen,
                    GraphEdit& out) {
   const std::uint32_t first = first_after(table.extent(), seen, [&](auto r) { return table.added(r); });
   for (std::uint32_t r = first; r < table.extent(); ++r) {
@@ -174,14 +183,11 @@ void collect_added(const PriorTable& table, const std::vector<std::unique_ptr<Va
 
 // Of the variables that `out` adds.
 void Graph::collect_labels(GraphEdit& out) const {
-  for (const auto& c : out.variable_columns()) {
-    const auto type = labels_.find(c->ops->key);
-    if (type == labels_.end()) continue;
+  if (!labels_) return;
+  for (const auto& c : out.variable_columns())
     for (const edit::AddedVariable& a : c->added)
-      if (const auto label = type->second.find((std::uint64_t{a.key.index} << 32) | a.key.generation);
-          label != type->second.end())
-        out.labels().emplace_back(VariableKey{c->ops->key, a.key}, label->second);
-  }
+      if (const std::string* label = labels_->find({c->ops->key, a.key}))
+        out.labels().emplace_back(VariableKey{c->ops->key, a.key}, *label);
 }
 
 void Graph::collect(Subscription s, GraphEdit& out) {

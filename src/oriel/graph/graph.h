@@ -3,11 +3,10 @@
 // It changes by values alone: apply(GraphEdit) and adopt(Solution). An edit is validated, space is reserved, then it is
 // committed without failure: whole or not at all. One writer; readers in between.
 #pragma once
-#include <memory>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
+#include "oriel/base/owned.h"
 #include "oriel/base/result.h"
 #include "oriel/graph/change_log.h"
 #include "oriel/graph/factor_table.h"
@@ -15,6 +14,8 @@
 #include "oriel/graph/variable_pool.h"
 
 namespace oriel {
+
+class LabelTable;  // labels.h
 
 // Values that an engine found, and the version of the graph that it started from.
 struct Solution {
@@ -72,7 +73,7 @@ class Graph {
   const V& value(VariableId<V> id) const {
     const void* p = find_value(id);
     if (p == nullptr) [[unlikely]]
-      contract_violated("Graph::value: " + describe(id) + " is not in the graph");
+      unresolved(id);
     return *static_cast<const V*>(p);
   }
 
@@ -107,8 +108,8 @@ class Graph {
   void collect(Subscription s, GraphEdit& out);
 
   // ---- what engines and reports read ----
-  const std::vector<std::unique_ptr<VariablePool>>& pools() const { return pools_; }
-  const std::vector<std::unique_ptr<FactorTable>>& tables() const { return tables_; }
+  const std::vector<Owned<VariablePool>>& pools() const { return pools_; }
+  const std::vector<Owned<FactorTable>>& tables() const { return tables_; }
   const PriorTable& priors() const { return priors_; }
   const VariablePool* find_pool(std::uint64_t type) const;
   const void* find_value(VariableKey id) const;
@@ -118,8 +119,8 @@ class Graph {
   std::string describe(VariableKey id) const;
 
   // ---- the source of ids, for edits ----
-  SlotKey lend(const VariableOps* ops) { return pools_[pool_index(ops)]->slots().lend(); }
-  SlotKey lend(const FactorOps* ops) { return tables_[table_index(ops)]->slots().lend(); }
+  SlotKey lend(const VariableOps* ops);
+  SlotKey lend(const FactorOps* ops);
   SlotKey lend_prior() { return priors_.slots().lend(); }
   void give_back(const GraphEdit& edit);
 
@@ -127,17 +128,18 @@ class Graph {
   friend class EditValidator;
   friend class EditCommit;
 
+  [[noreturn]] void unresolved(VariableKey id) const;
   std::uint32_t pool_index(const VariableOps* ops);
   std::uint32_t table_index(const FactorOps* ops);
   void collect_labels(GraphEdit& out) const;
   VariablePool* pool_of(std::uint64_t type) { return const_cast<VariablePool*>(find_pool(type)); }
 
-  std::vector<std::unique_ptr<VariablePool>> pools_;
-  std::vector<std::unique_ptr<FactorTable>> tables_;
+  std::vector<Owned<VariablePool>> pools_;
+  std::vector<Owned<FactorTable>> tables_;
   PriorTable priors_;
   std::vector<Incidence> incidences_;
   std::vector<std::uint32_t> free_incidences_;
-  std::unordered_map<std::uint64_t, std::unordered_map<std::uint64_t, std::string>> labels_;  // by type, by key
+  Owned<LabelTable> labels_;  // null until there is one
   ChangeLog log_;
   std::vector<std::uint32_t> touched_priors_;  // scratch of apply
   std::vector<VariableRef> prior_refs_;        // scratch of apply

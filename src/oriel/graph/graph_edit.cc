@@ -7,6 +7,17 @@
 namespace oriel {
 namespace edit {
 
+void SlotMarks::set(std::uint32_t index, std::uint32_t position) {
+  if (index >= kFirstPlaceholder) return;
+  if (index >= at_.size()) at_.resize(index + 1 + at_.size() / 2, kNone);
+  at_[index] = position;
+}
+
+Variables::Variables(const VariableOps* o)
+    : ops(o), values(o->bytes), first_estimates(o->bytes), set_values(o->bytes) {}
+
+Factors::Factors(const FactorOps* o) : ops(o), measurements(o->measurement_bytes), noises(o->noise_bytes) {}
+
 void Variables::add(const AddedVariable& a, const void* value, const void* first_estimate) {
   added_at.set(a.key.index, static_cast<std::uint32_t>(added.size()));
   added.push_back(a);
@@ -68,7 +79,7 @@ GraphEdit::~GraphEdit() = default;
 
 edit::Variables& GraphEdit::variables(const VariableOps* ops) {
   if (edit::Variables* c = column_of(ops->key)) return *c;
-  return *variables_.emplace_back(std::make_unique<edit::Variables>(ops));
+  return *variables_.emplace_back(make_owned<edit::Variables>(ops));
 }
 
 edit::Variables* GraphEdit::column_of(std::uint64_t type) {
@@ -84,17 +95,26 @@ const edit::Variables* GraphEdit::find_variables(std::uint64_t type) const {
 edit::Factors& GraphEdit::factors(const FactorOps* ops) {
   for (auto& c : factors_)
     if (c->ops->key == ops->key) return *c;
-  return *factors_.emplace_back(std::make_unique<edit::Factors>(ops));
+  return *factors_.emplace_back(make_owned<edit::Factors>(ops));
 }
 
 void GraphEdit::check_lender() const {
   check(graph_ != nullptr || proposes_, "GraphEdit::add: this edit was not lent by a graph (Graph::edit)");
 }
 
-SlotKey GraphEdit::lend_variable(const VariableOps* ops) {
+SlotKey GraphEdit::add_variable(const VariableOps* ops, const void* value, Label& label) {
   check_lender();
-  if (proposes_) return placeholder_key(static_cast<std::uint32_t>(variables(ops).added.size()));
-  return graph_->lend(ops);
+  edit::Variables& column = variables(ops);
+  const SlotKey key = proposes_ ? placeholder_key(static_cast<std::uint32_t>(column.added.size())) : graph_->lend(ops);
+  column.add({key, 0, next_order(), false, false}, value, value);
+  if (!label.text.empty()) labels_.emplace_back(VariableKey{ops->key, key}, std::move(label.text));
+  return key;
+}
+
+void GraphEdit::set_value(const VariableOps* ops, SlotKey key, const void* value) {
+  edit::Variables& column = variables(ops);
+  column.set.emplace_back(key, edit::SetKind::value);
+  column.set_values.push_back(value);
 }
 
 FactorId GraphEdit::add_factor(const FactorOps* ops, const void* measurement, const void* noise, const Loss& loss,
@@ -152,9 +172,12 @@ const void* GraphEdit::find_value(VariableKey id) const {
 }
 
 void GraphEdit::unresolved(VariableKey id) const {
-  contract_violated(
-      "GraphEdit::value: " + (seen_ != nullptr ? seen_->describe(id) : "variable #" + std::to_string(id.key.index)) +
-      " is neither in the edit nor in the graph");
+  std::string what = "GraphEdit::value: ";
+  if (seen_ != nullptr)
+    what.append(seen_->describe(id));
+  else
+    what.append("variable #").append(std::to_string(id.key.index));
+  contract_violated(what.append(" is neither in the edit nor in the graph"));
 }
 
 // The column of a variable's type; null, and noted for apply to refuse, if the graph has never seen that type.

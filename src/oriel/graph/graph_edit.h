@@ -4,13 +4,12 @@
 // marginalization returns, what followers of a graph are sent (change_log.h), and what a journal records. It is
 // reusable storage: clear() keeps its memory, so the edits of a steady window allocate nothing.
 #pragma once
-#include <memory>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "oriel/base/byte_column.h"
+#include "oriel/base/owned.h"
 #include "oriel/graph/ids.h"
 #include "oriel/graph/type_ops.h"
 
@@ -26,11 +25,7 @@ class SlotMarks {
  public:
   static constexpr std::uint32_t kNone = 0xffffffffu;
   std::uint32_t find(std::uint32_t index) const { return index < at_.size() ? at_[index] : kNone; }
-  void set(std::uint32_t index, std::uint32_t position) {
-    if (index >= kFirstPlaceholder) return;
-    if (index >= at_.size()) at_.resize(index + 1 + at_.size() / 2, kNone);
-    at_[index] = position;
-  }
+  void set(std::uint32_t index, std::uint32_t position);
   void forget(std::uint32_t index) {
     if (index < at_.size()) at_[index] = kNone;
   }
@@ -58,8 +53,7 @@ struct Variables {
   std::vector<std::pair<SlotKey, bool>> fixed;
   SlotMarks added_at, removed_at;
 
-  explicit Variables(const VariableOps* o)
-      : ops(o), values(o->bytes), first_estimates(o->bytes), set_values(o->bytes) {}
+  explicit Variables(const VariableOps* o);
   void clear();
   bool empty() const { return added.empty() && removed.empty() && set.empty() && fixed.empty(); }
   void add(const AddedVariable& a, const void* value, const void* first_estimate);
@@ -84,7 +78,7 @@ struct Factors {
   std::vector<SlotKey> removed;
   SlotMarks removed_at;
 
-  explicit Factors(const FactorOps* o) : ops(o), measurements(o->measurement_bytes), noises(o->noise_bytes) {}
+  explicit Factors(const FactorOps* o);
   void clear();
   bool empty() const { return added.empty() && removed.empty(); }
   bool removes(SlotKey key) const {
@@ -208,10 +202,11 @@ class GraphEdit {
 
  private:
   GraphEdit(const Graph* seen, bool proposes) : seen_(seen), proposes_(proposes) {}
-  SlotKey lend_variable(const VariableOps* ops);
+  SlotKey add_variable(const VariableOps* ops, const void* value, Label& label);
   void check_lender() const;
   FactorId add_factor(const FactorOps* ops, const void* measurement, const void* noise, const Loss& loss,
                       const SlotKey* variables);
+  void set_value(const VariableOps* ops, SlotKey key, const void* value);
   const void* find_value(VariableKey id) const;
   edit::Variables* column_of(std::uint64_t type);
   edit::Variables* known_column(VariableKey id, const char* what);
@@ -220,8 +215,8 @@ class GraphEdit {
   Graph* graph_ = nullptr;       // gives the ids
   const Graph* seen_ = nullptr;  // where existing things are looked up
   bool proposes_ = false;        // has placeholders instead of ids
-  std::vector<std::unique_ptr<edit::Variables>> variables_;
-  std::vector<std::unique_ptr<edit::Factors>> factors_;
+  std::vector<Owned<edit::Variables>> variables_;
+  std::vector<Owned<edit::Factors>> factors_;
   edit::Priors priors_;
   std::vector<std::pair<VariableKey, std::string>> labels_;
   std::string unknown_;
@@ -233,10 +228,7 @@ class GraphEdit {
 
 template <Variable V>
 VariableId<V> GraphEdit::add(const V& value, Label label) {
-  const SlotKey key = lend_variable(&kVariableOps<V>);
-  variables(&kVariableOps<V>).add({key, 0, next_order(), false, false}, &value, &value);
-  if (!label.text.empty()) labels_.emplace_back(VariableKey{kVariableOps<V>.key, key}, std::move(label.text));
-  return {key};
+  return {add_variable(&kVariableOps<V>, &value, label)};
 }
 
 namespace detail {
@@ -278,9 +270,7 @@ V GraphEdit::value(VariableId<V> id) const {
 
 template <Variable V>
 void GraphEdit::set(VariableId<V> id, const V& value) {
-  edit::Variables& column = variables(&kVariableOps<V>);
-  column.set.emplace_back(id.key, edit::SetKind::value);
-  column.set_values.push_back(&value);
+  set_value(&kVariableOps<V>, id.key, &value);
 }
 
 }  // namespace oriel

@@ -37,7 +37,7 @@ struct Label {
   std::string text;
   Label() = default;
   explicit Label(std::string t) : text(std::move(t)) {}
-  Label(const std::string& t, std::int64_t number) : text(t + std::to_string(number)) {}
+  Label(std::string t, std::int64_t number);
 };
 
 }  // namespace oriel

@@ -52,7 +52,7 @@ Result<void> NativeEngine::sync(const SolveOptions& options) {
 
 TaskPool* NativeEngine::pool(int threads) {
   if (threads <= 1) return nullptr;
-  if (!threads_ || threads_->workers() != threads) threads_ = std::make_unique<ThreadPool>(threads);
+  if (!threads_ || threads_->workers() != threads) threads_ = make_owned<ThreadPool>(threads);
   return threads_.get();
 }
 

@@ -1,9 +1,9 @@
 // The engine of this library: landmarks by Schur complement, the rest by the multifrontal factorization.
 #pragma once
-#include <memory>
 #include <span>
 #include <vector>
 
+#include "oriel/base/owned.h"
 #include "oriel/linear/landmark_schur.h"
 #include "oriel/linear/linearize.h"
 #include "oriel/solve/engine.h"
@@ -84,7 +84,7 @@ class NativeEngine final : public Engine {
   AlignedBuffer reduced_;  // S
   std::vector<double> damping_, rhs_, step_;
   Solution solution_;
-  std::unique_ptr<ThreadPool> threads_;
+  Owned<ThreadPool> threads_;
 };
 
 }  // namespace oriel

@@ -1,7 +1,6 @@
 // What a caller of solve may choose. Every default is what the command and the benchmarks use.
 #pragma once
-#include <functional>
-
+#include "oriel/base/function.h"
 #include "oriel/base/time.h"
 #include "oriel/linear/ordering.h"
 
@@ -38,9 +37,9 @@ struct SolveOptions {
   bool trace = true;            // keep an IterationReport for each iteration
   OrderingMethod ordering = OrderingMethod::automatic;
   // Called after each iteration; false stops the solve with the best values so far.
-  std::function<bool(const IterationReport&)> callback = {};
+  Function<bool(const IterationReport&)> callback = {};
   // What the deadline and all times are measured by, seconds since whenever; empty: the steady clock of the machine.
-  std::function<double()> clock = {};
+  Function<double()> clock = {};
 };
 
 }  // namespace oriel

@@ -38,7 +38,7 @@ struct ThreadPool::State {
   }
 };
 
-ThreadPool::ThreadPool(int workers) : state_(std::make_unique<State>()) {
+ThreadPool::ThreadPool(int workers) : state_(make_owned<State>()) {
   for (int i = 1; i < workers; ++i) state_->threads.emplace_back([s = state_.get(), i] { s->work(i); });
 }
 

@@ -1,7 +1,6 @@
 // The threads of one solver: made once, asleep between stages.
 #pragma once
-#include <memory>
-
+#include "oriel/base/owned.h"
 #include "oriel/linear/task_pool.h"
 
 namespace oriel {
@@ -15,7 +14,7 @@ class ThreadPool final : public TaskPool {
 
  private:
   struct State;
-  std::unique_ptr<State> state_;
+  Owned<State> state_;
 };
 
 }  // namespace oriel
