@@ -125,7 +125,7 @@ class Run {
       ++steady_updates_;
       steady_allocations_ += allocation_count() - allocations;
     }
-    steady_ = steady_ || odometry_.left() >= options_.odometry.keyframes.max_keyframes;
+    steady_ = steady_ || odometry_.left() > 0;
     count(frame);
   }
 
@@ -198,7 +198,7 @@ class Run {
   RunReport report_;
   UpdateReport last_;
   std::size_t next_imu_ = 0;
-  bool steady_ = false;  // every state of the first full window has left
+  bool steady_ = false;  // the first state has left: the window is full
   std::int64_t frames_after_ = 0, estimated_ = 0, steady_updates_ = 0, steady_allocations_ = 0;
   std::vector<double> milliseconds_;
   std::vector<FeatureObservation> features_;

@@ -259,8 +259,8 @@ void Minimizer::find_undetermined() {
   e_.damping_.assign(static_cast<std::size_t>(s.dim()), 0.0);
   e_.rhs_.resize(static_cast<std::size_t>(s.kept_dim()));
   const double* h = e_.system_.h.data();
-  const std::vector<double> gradient = e_.system_.gradient;
-  std::fill(e_.system_.gradient.begin(), e_.system_.gradient.end(), 0.0);  // landmarks answer to others alone
+  e_.step_.assign(e_.system_.gradient.size(), 0.0);
+  e_.step_.swap(e_.system_.gradient);  // put aside: landmarks answer to others alone
   if (!s.landmarks().empty()) {
     e_.reduced_.reserve(factorization.storage_size());
     e_.schur_.reduce(s, e_.system_, e_.damping_.data(), e_.reduced_.data(), e_.rhs_.data(), nullptr);
@@ -268,7 +268,7 @@ void Minimizer::find_undetermined() {
   }
   const std::vector<int> null = hold_null_scalars(h);
   if (!null.empty() || !e_.schur_.undetermined().empty()) name_undetermined(h, null);
-  e_.system_.gradient = gradient;
+  e_.step_.swap(e_.system_.gradient);
 }
 
 void Minimizer::name_undetermined(const double* h, const std::vector<int>& null) {

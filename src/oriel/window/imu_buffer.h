@@ -11,6 +11,7 @@ namespace oriel {
 
 class ImuBuffer {
  public:
+  void reserve(std::size_t samples) { samples_.reserve(samples); }
   // A sample that is not finite, or not later than the one before, is refused and leaves the buffer as it was.
   Result<void> add(const ImuSample& sample);
 

@@ -94,7 +94,8 @@ std::optional<BridgedPreintegration> InertialOdometry::motion_since(const Inerti
 
 bool InertialOdometry::add_frame(const StereoFrame& frame, const InertialValues* given, UpdateReport& report) {
   const InertialState latest = *timeline_.latest(), keyframe = *last_keyframe();
-  const auto from_keyframe = motion_since(keyframe, frame.time), from_latest = motion_since(latest, frame.time);
+  const auto from_keyframe = motion_since(keyframe, frame.time);
+  const auto from_latest = latest.keyframe ? from_keyframe : motion_since(latest, frame.time);
   if (!from_keyframe || !from_latest) return false;
   InertialValues predicted = given != nullptr ? *given : predict(latest, from_latest->integral.motion);
   drop(DropReason::no_ray, map_.observe(frame, {}, seen_));

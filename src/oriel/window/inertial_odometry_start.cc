@@ -3,6 +3,7 @@
 
 #include "oriel/residual/prior.h"
 #include "oriel/window/inertial_odometry.h"
+#include "oriel/window/rehearse.h"
 
 namespace oriel {
 namespace {
@@ -15,7 +16,7 @@ ImuNoise scaled(ImuNoise n, const InertialOptions& o) {
   return n;
 }
 
-constexpr std::size_t kTracks = 4096, kPoses = 8192;  // room for, before memory is asked for again
+constexpr std::size_t kTracks = 4096, kPoses = 8192, kSamples = 8192;  // room for, before memory is asked for again
 
 // Position and yaw are put tightly: that is where and how the world is. Roll and pitch are for gravity to say. The
 // tangent is in the body: its rotation R_world_body δ has the sigmas (tilt, tilt, yaw) in world.
@@ -50,8 +51,18 @@ InertialOdometry::InertialOdometry(const StereoRigd& rig, bool stereo, const Imu
   const std::size_t states = static_cast<std::size_t>(options.keyframes.max_keyframes) + 2;
   timeline_.reserve(states);
   map_.reserve(kTracks, states);
+  imu_.reserve(kSamples);
   causal_.reserve(kPoses);
   left_.reserve(kPoses);
+  seen_.reserve(kTracks);
+  known_.reserve(kTracks);
+  known_places_.reserve(kTracks);
+  scratch_.reserve(kTracks);
+  pose_work_.errors.reserve(kTracks);
+  pose_work_.pairs.reserve(kTracks);
+  builder_.reserve(states);
+  const int with_holes = static_cast<int>(states) * 4 / 3 + 2;  // a pool closes its holes when they are a fourth
+  (void)rehearse(window_, rig, {with_holes, options.keyframes.expected_tracks});
 }
 
 UpdateReport InertialOdometry::initialise(const StereoFrame& frame) {

@@ -13,6 +13,10 @@ namespace oriel {
 class LandmarkBuilder {
  public:
   LandmarkBuilder(const VisualOptions& options, const StereoRigd& rig) : options_(options), rig_(rig) {}
+  void reserve(std::size_t states) {
+    rays_.reserve(2 * states);
+    poses_.reserve(states);
+  }
   void set_rig(VariableId<StereoRigd> id) { rig_id_ = id; }
 
   // A factor for the newest sighting of a track with a landmark.

@@ -12,6 +12,7 @@ struct KeyframeOptions {
   double least_shared = 0.6;         // share of the frame's tracks that the last keyframe saw [-]
   Duration interval{1'000'000'000};  // since the last keyframe [ns]
   int max_keyframes = 12;            // in the window; the oldest is marginalized when there are more
+  int expected_tracks = 300;         // in a frame: more are welcome, but may ask for memory in an update
 };
 
 struct VisualOptions {

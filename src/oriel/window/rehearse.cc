@@ -1,0 +1,159 @@
+#include "oriel/window/rehearse.h"
+
+#include <vector>
+
+#include "oriel/residual/imu_residual.h"
+#include "oriel/residual/prior.h"
+#include "oriel/residual/reprojection.h"
+
+namespace oriel {
+namespace {
+
+struct State {
+  VariableId<Pose3d> pose;
+  VariableId<Velocity3d> velocity;
+  VariableId<ImuBiasd> bias;
+};
+
+struct Sight {
+  FactorId factor;
+  std::size_t state;
+  VariableId<InverseDepthd> landmark;
+  Vec2d bearing;
+};
+
+class Rehearsal {
+ public:
+  Rehearsal(SlidingWindow& window, const StereoRigd& rig, const WindowSize& size)
+      : window_(window), rig_(rig), size_(size) {}
+
+  // Which tables there are decides which place in the engine's memory each has, so that the window is built with the
+  // priors of a start at rest, of one in motion, and of a window whose first state has left.
+  bool operator()() {
+    for (const int priors : {3, 2, 0}) {
+      build(priors, priors == 0);
+      if (!(commit() && solve() && gate() && solve())) return false;
+      if (priors == 3 && !(slide(SquareRootMethod::schur) && solve() && slide(SquareRootMethod::schur) && solve() &&
+                           slide(SquareRootMethod::qr) && solve()))
+        return false;
+      if (!thin_out() || !window_.clear()) return false;
+    }
+    return true;
+  }
+
+ private:
+  bool commit() { return window_.commit().ok(); }
+  bool solve() { return !window_.solve({.max_iterations = 2, .trace = false}).failed(); }
+
+  static Pose3d pose(std::size_t k) { return {Rot3d{}, {{0.05 * static_cast<double>(k), 0.0, 0.0}}}; }
+
+  void build(int priors, bool dense) {
+    states_.clear();
+    sights_.clear();
+    others_.clear();
+    next_ = 0;
+    GraphEdit& edit = window_.edit();
+    rig_id_ = edit.add(rig_);
+    for (std::size_t k = 0; k < static_cast<std::size_t>(size_.states); ++k) add_state(edit, k, priors);
+    // Scattered: those of the oldest state are in view all the time, the others for two frames. Dense: all in all.
+    const std::size_t n = states_.size();
+    for (std::size_t k = 0; k + 1 < n; ++k) {
+      const int begun = k == 0 ? (dense ? 2 : 1) * size_.tracks : dense ? 0 : size_.tracks / 2;
+      for (int i = 0; i < begun; ++i) add_track(edit, k, k == 0 ? n : k + 2, i);
+    }
+  }
+
+  void add_state(GraphEdit& edit, std::size_t k, int priors) {
+    const State s{edit.add(pose(k)), edit.add(Velocity3d{{{0.5, 0.0, 0.0}}}), edit.add(ImuBiasd{})};
+    if (k == 0) {
+      if (priors > 0) edit.add(Prior{pose(0)}, Sigma(0.01), s.pose);
+      if (priors > 0) edit.add(Prior{ImuBiasd{}}, Sigma(0.01), s.bias);
+      if (priors > 2) edit.add(Prior{Velocity3d{{{0.5, 0.0, 0.0}}}}, Sigma(0.01), s.velocity);
+      for (const VariableKey id : {VariableKey(s.pose), VariableKey(s.velocity), VariableKey(s.bias)})
+        edit.fix(id, priors == 0);
+    } else {
+      Preintegrator motion(ImuBiasd{}, {1e-3, 1e-2, 1e-4, 1e-3});
+      for (int i = 0; i < 20; ++i) motion.step(0.005, Vec3d::zero(), {{0.0, 0.0, 9.81}});
+      const State& before = states_.back();
+      edit.add(ImuResiduald{motion.result().motion, kStandardGravity}, imu_noise(motion.result()), before.pose,
+               before.velocity, before.bias, s.pose, s.velocity, s.bias);
+    }
+    states_.push_back(s);
+  }
+
+  Vec2d pixel(int camera, std::size_t anchor, std::size_t at, const Vec2d& bearing) const {
+    const Vec3d in_camera = {{5.0 * bearing[0], 5.0 * bearing[1], 5.0}};
+    const Vec3d p_world = pose(anchor) * (rig_.cameras[0].T_body_camera() * in_camera);
+    const auto& mount = rig_.cameras[camera];
+    Vec2d out = Vec2d::zero();
+    (void)mount.camera.project(mount.T_body_camera().inverse() * (pose(at).inverse() * p_world), out, nullptr);
+    return out;
+  }
+
+  void add_track(GraphEdit& edit, std::size_t anchor, std::size_t end, int i) {
+    const Vec2d bearing = {{0.05 * (i % 13 - 6), 0.03 * (i / 13 % 13 - 6)}};
+    const auto landmark = edit.add(InverseDepthd{0.2});
+    const IsotropicNoise noise = Sigma(1.0);
+    const Loss loss = Cauchy(2.0);
+    const FactorId anchored =
+        edit.add(AnchorReprojectiond{bearing, pixel(1, anchor, anchor, bearing)}, noise, loss, landmark, rig_id_);
+    others_.push_back(anchored);
+    for (std::size_t k = anchor + 1; k < end; ++k) {
+      const Vec2d left = pixel(0, anchor, k, bearing), right = pixel(1, anchor, k, bearing);
+      const FactorId stereo = edit.add(StereoReprojectiond{bearing, left, right}, noise, loss, states_[anchor].pose,
+                                       states_[k].pose, landmark, rig_id_);
+      others_.push_back(edit.add(MonoReprojectiond{bearing, left}, noise, loss, states_[anchor].pose, states_[k].pose,
+                                 landmark, rig_id_));
+      sights_.push_back({stereo, k, landmark, bearing});
+    }
+  }
+
+  // A third of the sightings lose their right camera.
+  bool gate() {
+    GraphEdit& edit = window_.edit();
+    for (std::size_t n = 0; n < sights_.size(); n += 3) {
+      const Sight& s = sights_[n];
+      edit.remove(s.factor);
+      if (s.state > 0)
+        edit.add(MonoReprojectiond{s.bearing, pixel(0, 0, s.state, s.bearing)}, Sigma(1.0), Cauchy(2.0),
+                 states_[s.state - 1].pose, states_[s.state].pose, s.landmark, rig_id_);
+    }
+    return commit();
+  }
+
+  bool slide(SquareRootMethod method) {
+    const State& s = states_[next_++];
+    const VariableKey leaving[] = {s.pose, s.velocity, s.bias};
+    return window_.slide(leaving, {.method = method}).ok();
+  }
+
+  // All that is left goes factor by factor, then variable by variable: as many removals as an edit may ever hold.
+  bool thin_out() {
+    GraphEdit& edit = window_.edit();
+    for (const Sight& s : sights_)
+      if (window_.graph().contains(s.factor)) edit.remove(s.factor);
+    for (const FactorId id : others_)
+      if (window_.graph().contains(id)) edit.remove(id);
+    return commit();
+  }
+
+  SlidingWindow& window_;
+  StereoRigd rig_;
+  WindowSize size_;
+  VariableId<StereoRigd> rig_id_;
+  std::vector<State> states_;
+  std::vector<Sight> sights_;     // stereo
+  std::vector<FactorId> others_;  // anchors and mono
+  std::size_t next_ = 0;
+};
+
+}  // namespace
+
+bool rehearse(SlidingWindow& window, const StereoRigd& rig, const WindowSize& size) {
+  const bool done = Rehearsal(window, rig, size)();
+  (void)window.clear();
+  window.begin_anew();
+  return done;
+}
+
+}  // namespace oriel
