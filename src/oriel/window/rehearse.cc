@@ -22,19 +22,26 @@ struct Sight {
   Vec2d bearing;
 };
 
+struct Scene {
+  int priors = 0;      // on variables of the first state, which is held where there are none
+  bool dense = false;  // all landmarks in view of all states; else most in view of two
+  bool stereo = true;  // both cameras, and the left one alone besides
+};
+
 class Rehearsal {
  public:
   Rehearsal(SlidingWindow& window, const StereoRigd& rig, const WindowSize& size)
       : window_(window), rig_(rig), size_(size) {}
 
   // Which tables there are decides which place in the engine's memory each has, so that the window is built with the
-  // priors of a start at rest, of one in motion, and of a window whose first state has left.
+  // priors of a start at rest, of one in motion, and of a window whose first state has left, then for one camera.
   bool operator()() {
-    for (const int priors : {3, 2, 0}) {
-      build(priors, priors == 0);
+    for (const Scene& scene :
+         {Scene{3, false, true}, Scene{2, false, true}, Scene{0, true, true}, Scene{0, true, false}}) {
+      build(scene);
       if (!(commit() && solve() && gate() && solve())) return false;
-      if (priors == 3 && !(slide(SquareRootMethod::schur) && solve() && slide(SquareRootMethod::schur) && solve() &&
-                           slide(SquareRootMethod::qr) && solve()))
+      if (scene.priors == 3 && !(slide(SquareRootMethod::schur) && solve() && slide(SquareRootMethod::schur) &&
+                                 solve() && slide(SquareRootMethod::qr) && solve()))
         return false;
       if (!thin_out() || !window_.clear()) return false;
     }
@@ -47,23 +54,24 @@ class Rehearsal {
 
   static Pose3d pose(std::size_t k) { return {Rot3d{}, {{0.05 * static_cast<double>(k), 0.0, 0.0}}}; }
 
-  void build(int priors, bool dense) {
+  void build(const Scene& scene) {
+    scene_ = scene;
     states_.clear();
     sights_.clear();
     others_.clear();
     next_ = 0;
     GraphEdit& edit = window_.edit();
     rig_id_ = edit.add(rig_);
-    for (std::size_t k = 0; k < static_cast<std::size_t>(size_.states); ++k) add_state(edit, k, priors);
-    // Scattered: those of the oldest state are in view all the time, the others for two frames. Dense: all in all.
+    for (std::size_t k = 0; k < static_cast<std::size_t>(size_.states); ++k) add_state(edit, k);
     const std::size_t n = states_.size();
     for (std::size_t k = 0; k + 1 < n; ++k) {
-      const int begun = k == 0 ? (dense ? 2 : 1) * size_.tracks : dense ? 0 : size_.tracks / 2;
+      const int begun = k == 0 ? (scene_.dense ? 2 : 1) * size_.tracks : scene_.dense ? 0 : size_.tracks / 2;
       for (int i = 0; i < begun; ++i) add_track(edit, k, k == 0 ? n : k + 2, i);
     }
   }
 
-  void add_state(GraphEdit& edit, std::size_t k, int priors) {
+  void add_state(GraphEdit& edit, std::size_t k) {
+    const int priors = scene_.priors;
     const State s{edit.add(pose(k)), edit.add(Velocity3d{{{0.5, 0.0, 0.0}}}), edit.add(ImuBiasd{})};
     if (k == 0) {
       if (priors > 0) edit.add(Prior{pose(0)}, Sigma(0.01), s.pose);
@@ -95,15 +103,15 @@ class Rehearsal {
     const auto landmark = edit.add(InverseDepthd{0.2});
     const IsotropicNoise noise = Sigma(1.0);
     const Loss loss = Cauchy(2.0);
-    const FactorId anchored =
-        edit.add(AnchorReprojectiond{bearing, pixel(1, anchor, anchor, bearing)}, noise, loss, landmark, rig_id_);
-    others_.push_back(anchored);
+    const AnchorReprojectiond at_anchor{bearing, pixel(1, anchor, anchor, bearing)};
+    if (scene_.stereo) others_.push_back(edit.add(at_anchor, noise, loss, landmark, rig_id_));
     for (std::size_t k = anchor + 1; k < end; ++k) {
       const Vec2d left = pixel(0, anchor, k, bearing), right = pixel(1, anchor, k, bearing);
-      const FactorId stereo = edit.add(StereoReprojectiond{bearing, left, right}, noise, loss, states_[anchor].pose,
-                                       states_[k].pose, landmark, rig_id_);
       others_.push_back(edit.add(MonoReprojectiond{bearing, left}, noise, loss, states_[anchor].pose, states_[k].pose,
                                  landmark, rig_id_));
+      if (!scene_.stereo) continue;
+      const FactorId stereo = edit.add(StereoReprojectiond{bearing, left, right}, noise, loss, states_[anchor].pose,
+                                       states_[k].pose, landmark, rig_id_);
       sights_.push_back({stereo, k, landmark, bearing});
     }
   }
@@ -140,6 +148,7 @@ class Rehearsal {
   SlidingWindow& window_;
   StereoRigd rig_;
   WindowSize size_;
+  Scene scene_;
   VariableId<StereoRigd> rig_id_;
   std::vector<State> states_;
   std::vector<Sight> sights_;     // stereo
