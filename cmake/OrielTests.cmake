@@ -130,14 +130,19 @@ if(ORIEL_INSTALL AND NOT ORIEL_SANITIZE)
   set_tests_properties(house.AnotherProjectFindsThePackage PROPERTIES TIMEOUT 300)
 endif()
 
-# How long a user waits for the first program is a figure and not a test, since it depends on the machine; the goal is 3 s
-# of CPU time at -O2: cmake --build BUILD --target first_program_time
+# What a user waits for: the first program compiles and links within 3 s of CPU time at -O2. This test measures: it takes
+# CPU time and not the clock's, the best of three, alone; a machine that runs at half its speed can still break it.
+# Without the test: cmake --build BUILD --target first_program_time
 if(EXISTS ${PROJECT_SOURCE_DIR}/examples/first_program.cc)
-  add_custom_target(first_program_time
-    COMMAND bash ${PROJECT_SOURCE_DIR}/tests/house/first_program.sh ${CMAKE_CXX_COMPILER}
-            ${PROJECT_SOURCE_DIR}/examples/first_program.cc ${oriel_source_root} $<TARGET_FILE:oriel_core>
-            ${PROJECT_BINARY_DIR}/first_program $<$<BOOL:${ORIEL_METIS_LIBRARY}>:-lmetis>
-    DEPENDS oriel_core)
+  set(first_program_command
+      bash ${PROJECT_SOURCE_DIR}/tests/house/first_program.sh ${CMAKE_CXX_COMPILER}
+      ${PROJECT_SOURCE_DIR}/examples/first_program.cc ${oriel_source_root} $<TARGET_FILE:oriel_core>
+      ${PROJECT_BINARY_DIR}/first_program $<$<BOOL:${ORIEL_METIS_LIBRARY}>:-lmetis>)
+  add_custom_target(first_program_time COMMAND ${first_program_command} DEPENDS oriel_core)
+  if(CMAKE_BUILD_TYPE STREQUAL "Release" AND NOT ORIEL_SANITIZE)
+    add_test(NAME house.TheFirstProgramCompilesInThreeSeconds COMMAND ${first_program_command})
+    set_tests_properties(house.TheFirstProgramCompilesInThreeSeconds PROPERTIES RUN_SERIAL ON TIMEOUT 120)
+  endif()
 endif()
 
 # A wrong type, arity or noise is one clear line from the compiler (V9).

@@ -38,7 +38,8 @@ TEST(Graph, FailsLoudlyWithTheIdWhenAValueOfAStaleIdIsAskedFor) {  // V2
   EXPECT_EQ(g.graph.find(g.gone), nullptr);
   EXPECT_FALSE(g.graph.contains(g.gone));
   EXPECT_FALSE(g.graph.contains(g.gone_factor));
-  const std::string id = "#" + std::to_string(g.gone.key.index) + "." + std::to_string(g.gone.key.generation);
+  std::string id = "#";
+  id.append(std::to_string(g.gone.key.index)).append(".").append(std::to_string(g.gone.key.generation));
   for (const auto& ask : std::vector<std::function<void()>>{[&] { static_cast<void>(g.graph.value(g.gone)); },
                                                             [&] { static_cast<void>(g.graph.edit().value(g.gone)); }}) {
     try {

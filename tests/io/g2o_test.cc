@@ -30,7 +30,7 @@ std::string error_of(const std::string& text) {
 std::string spatial_edge(const std::string& quaternion, double last = 1) {
   std::string text = "EDGE_SE3:QUAT 0 1 1 2 3 " + quaternion;
   for (int i = 0; i < 6; ++i)
-    for (int j = i; j < 6; ++j) text += i != j ? " 0" : i == 5 ? " " + std::to_string(last) : " 1";
+    for (int j = i; j < 6; ++j) text.append(" ").append(std::to_string(i != j ? 0.0 : i == 5 ? last : 1.0));
   return text + "\n";
 }
 
@@ -94,7 +94,9 @@ TEST(G2o, NamesFileLineAndExpectationForBadInput) {
             "f.g2o:3: expected VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, EDGE_SE3:QUAT or FIX, found 'VERTEX_NOPE'");
   EXPECT_EQ(error_of(spatial_edge("0 0 0 0")), "f.g2o:1: EDGE_SE3:QUAT: expected a quaternion that is not zero");
   EXPECT_EQ(error_of(""), "f.g2o: expected VERTEX or EDGE lines, found none (is the file empty?)");
-  EXPECT_LT(error_of("EDGE_SE2 " + std::string(10'000'000, '1') + "\n").size(), 200u);
+  std::string long_line = "EDGE_SE2 ";
+  long_line.append(10'000'000, '1').append("\n");
+  EXPECT_LT(error_of(long_line).size(), 200u);
 }
 
 // V5
@@ -116,7 +118,7 @@ TEST(G2o, ReadsBackWhatItWrote) {
   std::string text;
   for (int i = 0; i < 5; ++i) {
     text += "VERTEX_SE3:QUAT " + std::to_string(3 * i);
-    for (int k = 0; k < 7; ++k) text += " " + std::to_string(normal(random));
+    for (int k = 0; k < 7; ++k) text.append(" ").append(std::to_string(normal(random)));
     text += "\n";
   }
   const auto once =

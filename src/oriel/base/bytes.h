@@ -22,10 +22,7 @@ class ByteWriter {
 
   template <class T>
   requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void put(T x) { put_bytes(&x, sizeof(T)); }
-  void put_bytes(const void* data, std::size_t size) {
-    const auto* p = static_cast<const std::byte*>(data);
-    out_.insert(out_.end(), p, p + size);
-  }
+  void put_bytes(const void* data, std::size_t size);
   void put_text(std::string_view text) {
     put(static_cast<std::uint32_t>(text.size()));
     put_bytes(text.data(), text.size());

@@ -2,6 +2,7 @@
 #pragma once
 #include <cmath>
 #include <concepts>
+#include <cstddef>
 #include <type_traits>
 #include <utility>
 
@@ -12,7 +13,17 @@ namespace oriel {
 template <class T>
 bool all_finite(const T& x);
 
+// Of n doubles, one after the other.
+bool all_finite(const double* x, std::size_t n);
+
 namespace detail {
+
+// A type that exists over other scalars has members of its scalar alone, so that it need not be taken apart.
+template <class T>
+concept DoublesOnly = requires {
+  typename T::template rebind<double>;
+}
+&&std::is_same_v<typename T::template rebind<double>, T> && (sizeof(T) % sizeof(double) == 0);
 
 struct Anything {
   template <class T>
@@ -94,6 +105,8 @@ bool all_finite(const T& x) {
                          { x.finite() } -> std::same_as<bool>;
                        }) {
     return x.finite();
+  } else if constexpr (detail::DoublesOnly<T>) {
+    return all_finite(reinterpret_cast<const double*>(&x), sizeof(T) / sizeof(double));
   } else if constexpr (requires {
                          T::kSize;
                          typename T::Scalar;

@@ -16,7 +16,7 @@ class Owned {
     return *this;
   }
   ~Owned() {
-    static_assert(sizeof(T) > 0, "T must be complete where its owner is destroyed");
+    static_assert(sizeof(T) > 0, "T must be complete where its owner is destroyed");  // NOLINT(*-sizeof-*)
     delete p_;
   }
 

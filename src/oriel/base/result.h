@@ -66,7 +66,7 @@ class [[nodiscard]] Result {
       detail::value_of_error(error_);
     return *value_;
   }
-  // Not a std::variant: its header and its visitors are a tenth of a second for every program that includes this.
+  // Not a std::variant: its visitors would be compiled in every program that includes this.
   std::optional<T> value_;
   Error error_;
 };

@@ -6,7 +6,12 @@
 #include <span>
 #include <string_view>
 
+#include "oriel/manifold/bal_camera.h"
+#include "oriel/manifold/inverse_depth.h"
 #include "oriel/manifold/manifold.h"
+#include "oriel/manifold/se2.h"
+#include "oriel/manifold/se3.h"
+#include "oriel/manifold/vector.h"
 #include "oriel/residual/linear_prior.h"
 #include "oriel/residual/linearize_rows.h"
 
@@ -43,10 +48,7 @@ namespace detail {
 template <Variable V>
 bool value_finite(const void* p) {
   if constexpr (Rebindable<V>) {
-    const auto* s = static_cast<const double*>(p);
-    double sum = 0.0;
-    for (std::size_t i = 0; i < sizeof(V) / sizeof(double); ++i) sum += s[i] - s[i];  // 0, or NaN
-    return sum == 0.0;
+    return all_finite(static_cast<const double*>(p), sizeof(V) / sizeof(double));
   } else if constexpr (V::kDim > 0) {
     const V& x = *static_cast<const V*>(p);
     return all_finite(x.minus(x));
@@ -89,6 +91,29 @@ template <class Vars>
 struct OpsOf;
 
 }  // namespace detail
+
+// Those of shipped types are compiled once, in the library, with its instruction set.
+extern template void detail::plus_all<Rot2d>(std::size_t, const void*, const double*, const std::int32_t*, void*);
+extern template void detail::plus_all<Pose2d>(std::size_t, const void*, const double*, const std::int32_t*, void*);
+extern template void detail::plus_all<Rot3d>(std::size_t, const void*, const double*, const std::int32_t*, void*);
+extern template void detail::plus_all<Pose3d>(std::size_t, const void*, const double*, const std::int32_t*, void*);
+extern template void detail::plus_all<Point2d>(std::size_t, const void*, const double*, const std::int32_t*, void*);
+extern template void detail::plus_all<Point3d>(std::size_t, const void*, const double*, const std::int32_t*, void*);
+extern template void detail::plus_all<Velocity3d>(std::size_t, const void*, const double*, const std::int32_t*, void*);
+extern template void detail::plus_all<ImuBiasd>(std::size_t, const void*, const double*, const std::int32_t*, void*);
+extern template void detail::plus_all<InverseDepthd>(std::size_t, const void*, const double*, const std::int32_t*,
+                                                     void*);
+extern template void detail::plus_all<BalCamerad>(std::size_t, const void*, const double*, const std::int32_t*, void*);
+extern template void detail::minus_one<Rot2d>(const void*, const void*, double*);
+extern template void detail::minus_one<Pose2d>(const void*, const void*, double*);
+extern template void detail::minus_one<Rot3d>(const void*, const void*, double*);
+extern template void detail::minus_one<Pose3d>(const void*, const void*, double*);
+extern template void detail::minus_one<Point2d>(const void*, const void*, double*);
+extern template void detail::minus_one<Point3d>(const void*, const void*, double*);
+extern template void detail::minus_one<Velocity3d>(const void*, const void*, double*);
+extern template void detail::minus_one<ImuBiasd>(const void*, const void*, double*);
+extern template void detail::minus_one<InverseDepthd>(const void*, const void*, double*);
+extern template void detail::minus_one<BalCamerad>(const void*, const void*, double*);
 
 template <Variable V>
 inline constexpr VariableOps kVariableOps = {V::kName,

@@ -1,7 +1,6 @@
 // What the linear algebra asks of threads: run n independent tasks and come back when all are done. The threads
 // themselves live in rooms to the right; here a null pool means "on this thread".
 #pragma once
-#include <memory>
 #include <type_traits>
 
 namespace oriel {
@@ -12,8 +11,7 @@ class TaskRef {
   template <class F>
   requires(!std::is_same_v<std::remove_cvref_t<F>, TaskRef>)
       TaskRef(F&& f)  // NOLINT(google-explicit-constructor): a lambda at the call
-      : object_(const_cast<void*>(static_cast<const void*>(std::addressof(f)))),
-        call_([](void* object, int task, int worker) {
+      : object_(const_cast<void*>(static_cast<const void*>(&f))), call_([](void* object, int task, int worker) {
           (*static_cast<std::remove_reference_t<F>*>(object))(task, worker);
         }) {}
   void operator()(int task, int worker) const { call_(object_, task, worker); }
