@@ -105,12 +105,7 @@ class RandomProblem {
       Vec<double, D> r;
       Mat<double, D, (V::kDim + ...)> j;
       evaluate_residual(residual, r, &j, g.value(ids)...);
-      Rows rows;
-      rows.r = Eigen::Map<Eigen::VectorXd>(r.m, D) / sigma;
-      rows.j = Eigen::Map<Eigen::MatrixXd>(j.m, D, (V::kDim + ...)) / sigma;
-      const auto l = evaluate_loss(loss.kind, loss.scale, rows.r.squaredNorm());
-      rows.cost = 0.5 * l.rho;
-      rows.r *= std::sqrt(l.weight), rows.j *= std::sqrt(l.weight);
+      Rows rows = whitened(r.m, j.m, D, (V::kDim + ...), sigma, loss);
       rows.ids = {VariableKey(ids)...};
       rows.dims = {V::kDim...};
       return rows;
@@ -193,6 +188,18 @@ class RandomProblem {
     std::vector<VariableKey> ids;
     std::vector<int> dims;
   };
+  // Not inlined: GCC 12 would warn of what Eigen reads past a single entry, and compile this for each kind of factor.
+  [[gnu::noinline]] static Rows whitened(const double* r, const double* j, int dim, int cols, double sigma,
+                                         const Loss& loss) {
+    Rows rows;
+    rows.r = Eigen::Map<const Eigen::VectorXd>(r, dim) / sigma;
+    rows.j = Eigen::Map<const Eigen::MatrixXd>(j, dim, cols) / sigma;
+    const auto l = evaluate_loss(loss.kind, loss.scale, rows.r.squaredNorm());
+    rows.cost = 0.5 * l.rho;
+    rows.r *= std::sqrt(l.weight), rows.j *= std::sqrt(l.weight);
+    return rows;
+  }
+
   std::mt19937 random_;
   GraphEdit edit_;
   std::vector<std::function<Rows(const Graph&)>> rows_;

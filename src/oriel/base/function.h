@@ -17,8 +17,12 @@ class Function<R(A...)> {
   Function(std::nullptr_t) {}  // NOLINT(google-explicit-constructor): `options.callback = nullptr;`
   template <class F>
   requires(!std::is_same_v<std::remove_cvref_t<F>, Function> && std::is_invocable_r_v<R, std::decay_t<F>&, A...>)
-      Function(F&& f)  // NOLINT: a lambda where one is expected
-      : object_(new std::decay_t<F>(std::forward<F>(f))), ops_(&kOps<std::decay_t<F>>) {}
+      Function(F&& f) {  // NOLINT: a lambda where one is expected
+    if constexpr (requires { f == nullptr; })
+      if (f == nullptr) return;  // an empty std::function or function pointer is an empty Function
+    object_ = new std::decay_t<F>(std::forward<F>(f));
+    ops_ = &kOps<std::decay_t<F>>;
+  }
   Function(const Function& other)
       : object_(other.object_ != nullptr ? other.ops_->copy(other.object_) : nullptr), ops_(other.ops_) {}
   Function(Function&& other) noexcept : object_(std::exchange(other.object_, nullptr)), ops_(other.ops_) {}
@@ -42,7 +46,12 @@ class Function<R(A...)> {
     void (*destroy)(void* object);
   };
   template <class F>
-  static constexpr Ops kOps = {[](void* f, A&&... a) -> R { return (*static_cast<F*>(f))(std::forward<A>(a)...); },
+  static constexpr Ops kOps = {[](void* f, A&&... a) -> R {
+                                 if constexpr (std::is_void_v<R>)
+                                   (*static_cast<F*>(f))(std::forward<A>(a)...);
+                                 else
+                                   return (*static_cast<F*>(f))(std::forward<A>(a)...);
+                               },
                                [](const void* f) -> void* { return new F(*static_cast<const F*>(f)); },
                                [](void* f) { delete static_cast<F*>(f); }};
 

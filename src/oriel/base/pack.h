@@ -3,9 +3,6 @@
 // lane's bits do not depend on its neighbours.
 #pragma once
 #include <cmath>
-#if defined(__AVX512F__)
-#include <immintrin.h>
-#endif
 
 // How a 64-byte vector is passed depends on the instruction set, so the name says which: a program for one set and a
 // library for another never share an inline function of Pack.
@@ -71,8 +68,9 @@ inline Pack lane_by_lane(Pack a, F f) {
 }  // namespace pack_detail
 
 inline Pack sqrt(Pack a) {
-#if defined(__AVX512F__)
-  return Pack(reinterpret_cast<Pack::Native>(_mm512_maskz_sqrt_pd(0xff, reinterpret_cast<__m512d>(a.v))));
+#if defined(__AVX512F__) && !defined(__clang__)
+  // The builtin itself: <immintrin.h> would take longer to compile than most that includes this file.
+  return Pack(__builtin_ia32_sqrtpd512_mask(a.v, Pack::Native{}, static_cast<char>(-1), 4));
 #else
   return pack_detail::lane_by_lane(a, [](double s) { return std::sqrt(s); });
 #endif

@@ -18,6 +18,12 @@ SlotKey SlotIndex::lend() {
   return {next_++, 1};
 }
 
+void SlotIndex::claim(SlotKey k) {
+  if (k.index >= slots_.size()) slots_.resize(k.index + 1);
+  next_ = static_cast<std::uint32_t>(slots_.size());
+  if (slots_[k.index].lent < k.generation) slots_[k.index].lent = k.generation;
+}
+
 void SlotIndex::give_back(SlotKey k) {
   if (!is_placeholder(k)) free_.push_back({k.index, k.generation + 1});
 }

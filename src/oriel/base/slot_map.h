@@ -66,6 +66,8 @@ class SlotIndex {
 
   // A key that nobody has had. It resolves to nothing until it is inserted.
   SlotKey lend();
+  // A key that was given elsewhere is about to be inserted: it is not lent until then.
+  void claim(SlotKey k);
   // Back from an edit that will not be applied; its generation is spent.
   void give_back(SlotKey k);
 

@@ -28,8 +28,21 @@ void EditCommit::run() {
   edit_.mark_applied();
 }
 
+// Ids that came with the edit are taken before others are lent, here and for priors that lose a variable.
+void EditCommit::claim() {
+  auto take = [](SlotKey key, SlotIndex& slots) {
+    if (!is_placeholder(key)) slots.claim(key);
+  };
+  for (auto& c : edit_.variable_columns())
+    for (auto& a : c->added) take(a.key, g_.pools_[g_.pool_index(c->ops)]->slots());
+  for (auto& c : edit_.factor_columns())
+    for (auto& a : c->added) take(a.key, g_.tables_[g_.table_index(c->ops)]->slots());
+  for (auto& a : edit_.priors().added) take(a.key, g_.priors_.slots());
+}
+
 // Ids for what has placeholders (decision 8), in the order in which the edit adds it.
 void EditCommit::resolve() {
+  claim();
   bool any = false;
   auto give = [&any](SlotKey& key, SlotIndex& slots) {
     if (!is_placeholder(key)) return;

@@ -19,6 +19,7 @@ class EditCommit {
   void reserve();
   void remove_factors();
   void remove_variables();
+  void claim();
   void add_variables();
   void add_factors();
   void add_priors(edit::Priors& priors);

@@ -128,7 +128,8 @@ class GraphEdit {
   explicit GraphEdit(Graph& graph);
   // An edit by somebody who must not lend ids: a worker beside the graph. What it adds has placeholder ids, good within
   // the edit at once; the graph that it is for gives the true ones in `apply` (decision 8), and `resolved` tells them.
-  // `seen` is what the worker knows, a replica or nothing; existing things are named by their true ids.
+  // `seen` is what the worker knows of it, a replica; without, it can add and connect, but neither fix nor remove what
+  // exists, nor put a prior on it. Existing things are named by their true ids.
   static GraphEdit proposal(const Graph* seen = nullptr);
   GraphEdit(GraphEdit&&) noexcept;
   GraphEdit& operator=(GraphEdit&&) noexcept;

@@ -235,7 +235,7 @@ class Group {
 void accumulate(const LinearStructure& structure, const TablePlan& plan, std::size_t first, const Batch& batch,
                 LinearSystem& out, std::int64_t& kernel_fallbacks) {
   if (plan.landmark_argument >= 0) accumulate_landmarks(structure, plan, first, batch, out, kernel_fallbacks);
-  if (!plan.runs.empty()) return accumulate_runs(plan, first, batch, out);
+  if (!plan.runs.empty()) return accumulate_runs(plan, first, batch, out, kernel_fallbacks);
   for (int lane = 0; lane < batch.rows; lane += kLanes)
     Group(structure, plan, first, lane, batch, out, kernel_fallbacks).run();
 }

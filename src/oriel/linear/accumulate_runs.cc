@@ -73,13 +73,14 @@ void run_fallback(int da, int db, const double* a, const double* b, int dim, int
 }
 
 using Kernel = void (*)(const double*, const double*, int, int, Product&);
-constexpr int kIndexOfDim[10] = {-1, 0, 1, 2, -1, -1, 3, -1, -1, 4};
+constexpr int kIndexOfDim[10] = {-1, 0, 1, 2, -1, -1, 3, 4, -1, 5};
 template <int DA>
-constexpr std::array<Kernel, 5> kernels_of() {
-  return {&run_kernel<DA, 1>, &run_kernel<DA, 2>, &run_kernel<DA, 3>, &run_kernel<DA, 6>, &run_kernel<DA, 9>};
+constexpr std::array<Kernel, 6> kernels_of() {
+  return {&run_kernel<DA, 1>, &run_kernel<DA, 2>, &run_kernel<DA, 3>,
+          &run_kernel<DA, 6>, &run_kernel<DA, 7>, &run_kernel<DA, 9>};
 }
-constexpr std::array<std::array<Kernel, 5>, 5> kKernels = {kernels_of<1>(), kernels_of<2>(), kernels_of<3>(),
-                                                           kernels_of<6>(), kernels_of<9>()};
+constexpr std::array<std::array<Kernel, 6>, 6> kKernels = {kernels_of<1>(), kernels_of<2>(), kernels_of<3>(),
+                                                           kernels_of<6>(), kernels_of<7>(), kernels_of<9>()};
 
 // Columns of one variable: blocks above the diagonal are not wanted. Six columns are two threes.
 void square_six(const double* a, int dim, int count, Product& out) {
@@ -91,13 +92,14 @@ void square_six(const double* a, int dim, int count, Product& out) {
   for (int c = 0; c < 3; ++c) std::copy_n(sums + 3 * c, 3, out.entries + 6 * (3 + c) + 3);
 }
 
-void multiply(int da, int db, const double* a, const double* b, int dim, int count, Product& out) {
+void multiply(int da, int db, const double* a, const double* b, int dim, int count, Product& out,
+              std::int64_t& fallbacks) {
   if (a == b && da == 6) return square_six(a, dim, count, out);
   const int x = da <= kLargestDim ? kIndexOfDim[da] : -1, y = db <= kLargestDim ? kIndexOfDim[db] : -1;
   if (x >= 0 && y >= 0)
     kKernels[x][y](a, b, dim, count, out);
   else
-    run_fallback(da, db, a, b, dim, count, out.entries);
+    run_fallback(da, db, a, b, dim, count, out.entries), ++fallbacks;
 }
 
 // Blocks on the diagonal are added from the diagonal down alone.
@@ -110,7 +112,8 @@ void add(const Product& p, int da, int db, bool lower, const PairAddress& at, do
       for (int c = 0; c < db; ++c) h[at.offset + std::int64_t{i} * at.ld + c] += p.entries[c * da + i];
 }
 
-void accumulate_run(const TablePlan& plan, const TablePlan::Run& run, const Batch& batch, LinearSystem& out) {
+void accumulate_run(const TablePlan& plan, const TablePlan::Run& run, const Batch& batch, LinearSystem& out,
+                    std::int64_t& fallbacks) {
   const std::size_t n = plan.arguments.size();
   const int lane = static_cast<int>(run.first % Batch::kRows), count = static_cast<int>(run.count);
   const PairAddress* pair = &plan.pairs[run.first * (n * (n + 1) / 2)];
@@ -121,13 +124,13 @@ void accumulate_run(const TablePlan& plan, const TablePlan::Run& run, const Batc
     const int da = plan.arguments[a].dim;
     const bool kept = !plan.arguments[a].landmark_type && target.kind == Target::Kind::kept;
     if (kept) {
-      multiply(da, 1, columns(a), batch.r + lane, batch.dim, count, product);
+      multiply(da, 1, columns(a), batch.r + lane, batch.dim, count, product, fallbacks);
       for (int i = 0; i < da; ++i) out.gradient[static_cast<std::size_t>(target.offset + i)] += product.entries[i];
     }
     for (std::size_t b = 0; b <= a; ++b, ++pair) {
       if (!kept || plan.arguments[b].landmark_type || pair->kind == PairAddress::Kind::none) continue;
       const int db = plan.arguments[b].dim;
-      multiply(da, db, columns(a), columns(b), batch.dim, count, product);
+      multiply(da, db, columns(a), columns(b), batch.dim, count, product, fallbacks);
       add(product, da, db, a == b, *pair, out.h.data());
     }
   }
@@ -135,11 +138,12 @@ void accumulate_run(const TablePlan& plan, const TablePlan::Run& run, const Batc
 
 }  // namespace
 
-void accumulate_runs(const TablePlan& plan, std::size_t first, const Batch& batch, LinearSystem& out) {
+void accumulate_runs(const TablePlan& plan, std::size_t first, const Batch& batch, LinearSystem& out,
+                     std::int64_t& fallbacks) {
   auto run = std::lower_bound(plan.runs.begin(), plan.runs.end(), first,
                               [](const TablePlan::Run& r, std::size_t at) { return r.first < at; });
   for (; run != plan.runs.end() && run->first < first + static_cast<std::size_t>(batch.rows); ++run)
-    accumulate_run(plan, *run, batch, out);
+    accumulate_run(plan, *run, batch, out, fallbacks);
 }
 
 }  // namespace oriel

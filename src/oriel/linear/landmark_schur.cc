@@ -141,6 +141,7 @@ BlockKernel find_kernel(int d, int l) {
 
 void LandmarkSchur::prepare(const LinearStructure& structure) {
   const double flops = structure.landmark_flops();
+  undetermined_.clear();
   const int n = static_cast<int>(structure.landmarks().size());
   slices_ = !structure.landmark_panel() && flops > 4e6 ? 2 : 1;
   cuts_.assign(1, 0);

@@ -58,7 +58,7 @@ class Linearizer {
                  LinearSystem& out, TaskPool* pool);
 
   std::int64_t kernel_fallbacks() const { return kernel_fallbacks_; }
-  // Rows whose Jacobian was not finite at the last linearization though their residual was.
+  // Rows whose residual or Jacobian was not finite at the last linearization.
   std::int64_t not_finite() const { return not_finite_; }
 
  private:

@@ -4,9 +4,6 @@
 #include <bit>
 #include <cstring>
 #include <utility>
-#if defined(__AVX512F__)
-#include <immintrin.h>
-#endif
 
 #include "oriel/base/finite.h"
 #include "oriel/residual/batch.h"
@@ -51,11 +48,12 @@ static_assert(sizeof(const Loss*) == sizeof(double));
 // N doubles behind each of eight pointers → N packs.
 template <int N>
 void gather_doubles(const void* const* rows, Pack* to) {
-#if defined(__AVX512F__)
-  const __m512i base = _mm512_loadu_si512(rows);
+#if defined(__AVX512F__) && !defined(__clang__)
+  Pack::NativeMask base;
+  std::memcpy(&base, rows, sizeof(base));
   for (int i = 0; i < N; ++i)
-    to[i] = Pack(reinterpret_cast<Pack::Native>(
-        _mm512_mask_i64gather_pd(_mm512_setzero_pd(), 0xff, base, reinterpret_cast<void*>(i * 8L), 1)));
+    to[i] = Pack(
+        __builtin_ia32_gatherdiv8df(Pack::Native{}, reinterpret_cast<void*>(i * 8L), base, static_cast<char>(-1), 1));
 #else
   for (int i = 0; i < N; ++i)
     for (int l = 0; l < kGroup; ++l) to[i].v[l] = static_cast<const double*>(rows[l])[i];
@@ -149,12 +147,6 @@ Pack::Mask finite_mask(const Mat<Pack, R, C>& m) {
 #pragma GCC unroll 90
   for (int i = 0; i < m.kSize; ++i) sum[i % 4] += m.m[i] * m.m[i];
   return finite_mask((sum[0] + sum[1]) + (sum[2] + sum[3]));
-}
-
-inline Pack::Mask mask_of(unsigned bits) {
-  Pack::Mask m;
-  for (int l = 0; l < kGroup; ++l) m.v[l] = -static_cast<long long>(bits >> l & 1u);
-  return m;
 }
 
 // Bits of a mask, lane by lane.
@@ -270,7 +262,7 @@ struct PackedRows {
     row.weight = Pack(1.0);
     row.cost = s * Pack(0.5);
     if (!robust) return;
-    const auto loss = evaluate_losses(given.loss, given.loss_kind, given.loss_scale, s);
+    const auto loss = evaluate_losses(given.loss, given.loss_kind, given.loss_scale, s, row.valid & row.finite);
     row.weight = sqrt(loss.weight);
     row.cost = loss.rho * Pack(0.5);
     for (int i = 0; i < D; ++i) r[i] *= row.weight;
@@ -282,6 +274,11 @@ struct PackedRows {
     row.cost = load(before.cost + g);
     row.weight = before.weight != nullptr ? load(before.weight + g) : Pack(1.0);
     for (int i = 0; i < D; ++i) r[i] = load(before.r + i * Batch::kRows + g);
+  }
+  static Pack::Mask mask_of(unsigned bits) {
+    Pack::Mask m;
+    for (int l = 0; l < kGroup; ++l) m.v[l] = -static_cast<long long>(bits >> l & 1u);
+    return m;
   }
   static Pack load(const double* from) {
     Pack p;

@@ -84,8 +84,9 @@ inline LossValue<double> evaluate_loss(const Loss& loss, double s) {
   return evaluate_loss(loss.kind, loss.scale, s);
 }
 
-// Eight rows, each with a loss of its own, whose kind (as a number) and scale stand beside it.
-inline LossValue<Pack> evaluate_losses(const Loss* const* loss, Pack kind, Pack scale, Pack s) {
+// Eight rows, each with a loss of its own, whose kind (as a number) and scale stand beside it. Only lanes of `good`
+// have an s that a loss of the user's could make sense of.
+inline LossValue<Pack> evaluate_losses(const Loss* const* loss, Pack kind, Pack scale, Pack s, Pack::Mask good) {
   LossValue<Pack> value = {s, Pack(1.0)};
   const auto is_huber = (kind >= Pack(1.0)) & (kind <= Pack(1.0)), is_other = kind > Pack(1.0);
   bool huber = false, other = false;
@@ -95,7 +96,7 @@ inline LossValue<Pack> evaluate_losses(const Loss* const* loss, Pack kind, Pack 
     value = {select(is_huber, v.rho, value.rho), select(is_huber, v.weight, value.weight)};
   }
   for (int l = 0; other && l < Pack::kLanes; ++l) {
-    if (is_other.v[l] == 0) continue;
+    if (is_other.v[l] == 0 || good.v[l] == 0) continue;
     const auto v = evaluate_loss(*loss[l], s[l]);
     value.rho.set(l, v.rho);
     value.weight.set(l, v.weight);

@@ -68,6 +68,7 @@ bool Minimizer::start() {
   if (options_.trace)
     summary_.trace.reserve(static_cast<std::size_t>(std::clamp(options_.max_iterations, 0, 1000)) + 1);
   evaluate(e_.point_, nullptr, e_.active_);
+  evaluated_ = true;
   cost_ = summary_.initial_cost = e_.active_.total;
   report(true);
   if (!std::isfinite(cost_))
@@ -265,6 +266,11 @@ void Minimizer::stop(Reason reason, double value, double bound) {
 }
 
 void Minimizer::finish() {
+  if (!evaluated_) {  // nothing is known of this graph
+    e_.failed_ = summary_.failed();
+    summary_.seconds.total = seconds();
+    return;
+  }
   summary_.lambda = lambda_;
   summary_.invalid_factors = e_.active_.invalid;
   summary_.not_finite_factors = e_.active_.not_finite;
@@ -272,7 +278,8 @@ void Minimizer::finish() {
   summary_.kernel_fallbacks = e_.linearizer_.kernel_fallbacks() - fallbacks_before_;
   // A start without gradient was never factored; what is undetermined there must be told all the same.
   if (summary_.reason == Reason::gradient_tolerance && summary_.iterations == 0) solve_linear();
-  const bool in_time = summary_.reason != Reason::deadline;
+  const bool in_time =
+      summary_.reason != Reason::deadline && (options_.deadline.ns <= 0 || seconds() <= options_.deadline.seconds());
   if (in_time && (suspicious_ || may_have_gauge() || (summary_.linearizations > 0 && has_weak_landmark())))
     find_undetermined();
   {

@@ -55,6 +55,7 @@ class Minimizer {
   std::int64_t fallbacks_before_ = 0;  // the linearizer counts on over all solves
   double cost_ = 0.0, lambda_ = 0.0, nu_ = 2.0;
   double factored_lambda_ = 0.0;  // of the last factorization
+  bool evaluated_ = false;        // whether the start has a cost
   bool stopped_ = false, suspicious_ = false;
   bool solved_ = false;  // the last linear system had a solution
 };

@@ -40,7 +40,9 @@ Result<void> NativeEngine::sync(const SolveOptions& options) {
   if (structure_version_ != graph_->structure_version() || structure_ordering_ != options.ordering ||
       structure_.pool_count() != graph_->pools().size()) {
     FactorOptions factor;
-    factor.ordering = options.ordering;
+    factor.ordering =
+        options.ordering == OrderingMethod::given ? OrderingMethod::automatic : options.ordering;  // nobody gives one
+    structure_version_ = ~std::uint64_t{0};  // half a structure is none
     if (auto ok = structure_.build(*graph_, factor); !ok) return ok;
     schur_.prepare(structure_);
     structure_version_ = graph_->structure_version();

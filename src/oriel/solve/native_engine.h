@@ -14,7 +14,7 @@ namespace oriel {
 // What influences the bits of the next solve and is not in the graph: it travels to replicas and is journaled.
 // Everything else that an engine holds is a cache, and dropping it changes no bit.
 struct SolverState {
-  double lambda = 0.0;               // 0: the option's initial value
+  double lambda = 0.0;               // where the last solve ended; each begins with the option's
   std::uint64_t solved_version = 0;  // version of the graph that the last solve's values went into
 };
 
