@@ -43,6 +43,7 @@ class DenseSystem {
       int row = 0;
       for (int k = 0; k < l.neighbours; ++k) {
         const KeptBlock& b = s_.kept()[static_cast<std::size_t>(s_.neighbours()[l.first_neighbour + k])];
+        if (s_.landmark_panel()) row = b.offset - s_.first_scalar();
         for (int r = 0; r < b.dim; ++r)
           h_(l.offset + c, b.offset + r) = data[l.w() + std::int64_t{c} * l.rows + row + r];
         row += b.dim;

@@ -202,7 +202,8 @@ TEST(Linearizer, CountsWhatIsNotFiniteAsInvalidAndAddsNothingOfIt) {  // V8
   for (const auto id : {r_bad, j_bad, good}) edit.add(Touchy{}, Sigma(1.0), id);
   ASSERT_TRUE(graph.apply(edit));
   System system(graph);
-  EXPECT_EQ(system.active.not_finite, 1);
+  EXPECT_EQ(system.active.not_finite, 2);  // the residual of one, the Jacobian of the other
+  EXPECT_EQ(system.active.invalid, 2);
   EXPECT_GE(system.linearizer.not_finite(), 1);
   EXPECT_TRUE(system.gradient().allFinite());
   EXPECT_EQ(system.gradient().lpNorm<1>(), 54.0);

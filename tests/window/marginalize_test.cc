@@ -161,7 +161,7 @@ TEST(Marginalize, IsRefusedByAGraphThatChangedSince) {
 TEST(Marginalize, OfAllLandmarksAtConvergenceLeavesNothingToStep) {
   VisualProblem p(0.01);
   NativeEngine engine(p.graph);
-  ASSERT_TRUE(engine.solve({.function_tolerance = 0.0, .gradient_tolerance = 1e-9}).converged());
+  ASSERT_TRUE(engine.solve({.function_tolerance = 0.0, .gradient_tolerance = 1e-12}).converged());
   const std::vector<VariableKey> all(p.depths.begin(), p.depths.end());
   leave(p.graph, all);
   for (const auto& table : p.graph.tables())

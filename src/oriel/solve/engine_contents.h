@@ -1,7 +1,6 @@
 // What an engine holds of its graph, so that it can be compared with it (behaviour C7). For tests and for authors of
 // engines; it copies everything.
 #pragma once
-#include <algorithm>
 #include <cstddef>
 #include <vector>
 
@@ -23,8 +22,9 @@ struct EngineContents {
     int rows = 0;
     std::vector<VariableKey> parameters;  // those of its variables that may move, in its order, each once
     void add(const VariableKey& parameter) {
-      if (std::find(parameters.begin(), parameters.end(), parameter) == parameters.end())
-        parameters.push_back(parameter);
+      for (const VariableKey& known : parameters)
+        if (known == parameter) return;
+      parameters.push_back(parameter);
     }
   };
   std::vector<Parameter> parameters;  // in any order
