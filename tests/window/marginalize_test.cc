@@ -157,11 +157,29 @@ TEST(Marginalize, IsRefusedByAGraphThatChangedSince) {
   EXPECT_EQ(refused.error().code, ErrorCode::conflict);
 }
 
+// Steps by dense algebra, whatever the cost says: it cannot tell steps below 1e-8 apart.
+void converge(VisualProblem& p) {
+  for (int round = 0; round < 3; ++round) {
+    const System whole = dense_oracle::system(p.graph);
+    const Eigen::VectorXd step = -whole.H.ldlt().solve(whole.g);
+    GraphEdit edit = p.graph.edit();
+    auto move = [&]<class V>(VariableId<V> id) {
+      Vec<double, V::kDim> d;
+      for (int i = 0; i < V::kDim; ++i) d[i] = step[whole.offsets[whole.find(id)] + i];
+      edit.set(id, p.graph.value(id).plus(d));
+    };
+    for (const auto id : p.poses) move(id);
+    for (const auto id : p.depths) move(id);
+    ASSERT_TRUE(p.graph.apply(edit).ok());
+  }
+}
+
 // M5
 TEST(Marginalize, OfAllLandmarksAtConvergenceLeavesNothingToStep) {
   VisualProblem p(0.01);
   NativeEngine engine(p.graph);
-  ASSERT_TRUE(engine.solve({.function_tolerance = 0.0, .gradient_tolerance = 1e-12}).converged());
+  ASSERT_TRUE(engine.solve({.function_tolerance = 0.0, .gradient_tolerance = 1e-9}).converged());
+  converge(p);
   const std::vector<VariableKey> all(p.depths.begin(), p.depths.end());
   leave(p.graph, all);
   for (const auto& table : p.graph.tables())
