@@ -26,7 +26,7 @@ struct RunReport {
   double ate_m = 0.0, ate_final_m = 0.0, ate_deg = 0.0;       // SE(3)-aligned; NaN without truth. ate_deg is causal
   double path_m = 0.0;                                        // of the truth where there is one, else of the estimate
   std::vector<std::pair<std::string, std::int64_t>> dropped;  // by reason
-  double allocations_per_update = 0.0;  // mean over the updates from the first full window on
+  double allocations_per_update = 0.0;                        // mean over the updates from the first full window on
   double peak_rss_mb = 0.0;
   std::vector<std::string> warnings;
   std::vector<TumPose> causal, final;  // each pose at the moment of its own update; and when it left the window

@@ -125,7 +125,7 @@ void accumulate_run(const TablePlan& plan, const TablePlan::Run& run, const Batc
     const bool kept = !plan.arguments[a].landmark_type && target.kind == Target::Kind::kept;
     if (kept) {
       multiply(da, 1, columns(a), batch.r + lane, batch.dim, count, product, fallbacks);
-      for (int i = 0; i < da; ++i) out.gradient[static_cast<std::size_t>(target.offset + i)] += product.entries[i];
+      for (int i = 0; i < da; ++i) out.gradient[std::size_t(target.offset) + i] += product.entries[i];
     }
     for (std::size_t b = 0; b <= a; ++b, ++pair) {
       if (!kept || plan.arguments[b].landmark_type || pair->kind == PairAddress::Kind::none) continue;

@@ -145,8 +145,9 @@ void Linearizer::pack_measurements(const LinearStructure& structure) {
     const int measurement = static_cast<int>(table.ops().measurement_bytes / sizeof(double)),
               noise = static_cast<int>(table.ops().noise_bytes / sizeof(double));
     Packed& packed = packed_[t];
-    packed.packs = static_cast<std::size_t>(measurement + noise + (table.robust() ? detail::kLossPacks : 0));
-    constexpr std::size_t kPastTheEnd = detail::kLossPacks * Pack::kLanes;  // where a reader finds the losses that are not there
+    packed.packs = std::size_t(measurement) + noise + (table.robust() ? detail::kLossPacks : 0);
+    // Where a reader finds the losses that are not there.
+    constexpr std::size_t kPastTheEnd = std::size_t{detail::kLossPacks} * Pack::kLanes;
     packed.numbers.reserve(static_cast<std::int64_t>((plan.rows.size() + Pack::kLanes) * packed.packs + kPastTheEnd));
     RowPointerArrays arrays;
     RowPointers rows;

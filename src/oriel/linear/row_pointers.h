@@ -44,7 +44,7 @@ inline void pack_rows(const void* const* measurement, int measurement_doubles, c
     if (loss == nullptr) continue;
     out[0] = loss[l]->scale;
     out[kLanes] = static_cast<double>(loss[l]->kind);
-    std::memcpy(out + 2 * kLanes, &loss[l], sizeof(loss[l]));
+    std::memcpy(out + 2 * kLanes, &loss[l], sizeof(void*));
   }
 }
 

@@ -9,8 +9,7 @@ namespace oriel {
 class TaskRef {
  public:
   template <class F>
-  requires(!std::is_same_v<std::remove_cvref_t<F>, TaskRef>)
-      TaskRef(F&& f)  // NOLINT(google-explicit-constructor): a lambda at the call
+  requires(!std::is_same_v<std::remove_cvref_t<F>, TaskRef>) TaskRef(F&& f)  // NOLINT: a lambda at the call
       : object_(const_cast<void*>(static_cast<const void*>(&f))), call_([](void* object, int task, int worker) {
           (*static_cast<std::remove_reference_t<F>*>(object))(task, worker);
         }) {}

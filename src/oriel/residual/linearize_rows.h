@@ -43,7 +43,7 @@ namespace detail {
 
 constexpr int kGroup = Pack::kLanes;
 constexpr int kLossPacks = 3;  // scale, kind, and where the loss stands
-static_assert(sizeof(const Loss*) == sizeof(double));
+static_assert(sizeof(void*) == sizeof(double));
 
 // N doubles behind each of eight pointers → N packs.
 template <int N>

@@ -24,8 +24,8 @@ V8 load(const double* p) {
 }
 void store(double* p, V8 v) { std::memcpy(p, &v, sizeof(v)); }
 double sum(V8 v) {
-  const V8 a = v + __builtin_shuffle(v, Pack::NativeMask{4, 5, 6, 7, 0, 1, 2, 3});
-  const V8 b = a + __builtin_shuffle(a, Pack::NativeMask{2, 3, 0, 1, 6, 7, 4, 5});
+  const V8 a = v + __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3);
+  const V8 b = a + __builtin_shufflevector(a, a, 2, 3, 0, 1, 6, 7, 4, 5);
   return b[0] + b[1];
 }
 // 1 for the lanes of group [g, g + 8) within [begin, end).
