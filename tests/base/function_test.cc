@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include "oriel/base/owned.h"
 
 namespace oriel {
@@ -51,6 +53,20 @@ TEST(Function, PassesReferencesOn) {
   int n = 1;
   increment(n);
   EXPECT_EQ(n, 2);
+}
+
+TEST(Function, IsEmptyWhenMadeFromWhatIsEmpty) {
+  const std::function<int(int)> none;
+  int (*const null)(int) = nullptr;
+  EXPECT_FALSE(Function<int(int)>(none));
+  EXPECT_FALSE(Function<int(int)>(null));
+}
+
+TEST(Function, DropsAResultThatNobodyWants) {
+  int calls = 0;
+  const Function<void(int)> f = [&calls](int n) { return calls += n; };
+  f(3);
+  EXPECT_EQ(calls, 3);
 }
 
 TEST(Owned, DestroysWhatItHoldsOnceAndCanBeMoved) {

@@ -116,6 +116,22 @@ TEST(Proposal, MakesTheSameGraphAsAnEditThatTheOriginLent) {
   EXPECT_EQ(lent.resolved(a.pose), a.pose);
 }
 
+// The next id that the graph would lend comes with the edit, beside a placeholder.
+TEST(Proposal, IsNotGivenAnIdThatTheSameEditBrings) {
+  Chain g;
+  GraphEdit edit = GraphEdit::proposal(&g.graph);
+  const auto placed = edit.add(pose_at(5.0));
+  const SlotKey next{g.gone.key.index, g.gone.key.generation + 1};
+  const Pose3d value = pose_at(6.0);
+  edit.variables(&kVariableOps<Pose3d>).add({next, 0, 100, false, false}, &value, &value);
+  const auto ok = g.graph.apply(edit);
+  ASSERT_TRUE(ok) << ok.error();
+  const auto given = edit.resolved(placed);
+  EXPECT_FALSE(given.key == next);
+  EXPECT_EQ(g.graph.value(given).translation()[0], pose_at(5.0).translation()[0]);
+  EXPECT_EQ(g.graph.value(VariableId<Pose3d>{next}).translation()[0], value.translation()[0]);
+}
+
 TEST(Proposal, OfTwoWorkersWithTheSamePlaceholdersBecomesTwoThings) {
   Chain g;
   GraphEdit first = GraphEdit::proposal(&g.graph), second = GraphEdit::proposal(&g.graph);

@@ -123,6 +123,38 @@ TEST(Undetermined, NamesWhatIsMissingAlsoWhereTheStartIsTheOptimum) {  // L6
   EXPECT_EQ(s.undetermined.size(), 1u);
 }
 
+TEST(Undetermined, ForgetsALandmarkThatHasGone) {  // L6
+  Graph graph;
+  GraphEdit edit = graph.edit();
+  const auto x = edit.add(VectorNd<3>{});
+  edit.add(Prior{VectorNd<3>{}}, Sigma(0.1), x);
+  const auto lonely = edit.add(Scalar{}, Label("lonely"));
+  const auto once = edit.add(Markd<3>{}, Label("once"));
+  edit.add(Mix<2, VectorNd<3>, Markd<3>>{5.0, 0.5, 0.0}, Sigma(0.1), x, once);
+  ASSERT_TRUE(graph.apply(edit));
+  NativeEngine engine(graph);
+  EXPECT_EQ(engine.solve().undetermined.size(), 2u);
+  GraphEdit gone = graph.edit();
+  gone.remove(once);
+  ASSERT_TRUE(graph.apply(gone));
+  const Summary s = engine.solve();
+  ASSERT_EQ(s.undetermined.size(), 1u) << s;
+  EXPECT_EQ(s.undetermined[0].scalars.at(0).id, VariableKey(lonely));
+}
+
+TEST(NativeEngine, TakesAnOrderOfItsOwnWhereNobodyGivesOne) {
+  Graph graph;
+  GraphEdit edit = graph.edit();
+  add_loop(edit, true);
+  ASSERT_TRUE(graph.apply(edit));
+  NativeEngine engine(graph);
+  SolveOptions options;
+  options.ordering = OrderingMethod::given;
+  const Summary s = engine.solve(options);
+  EXPECT_TRUE(s.converged()) << s;
+  EXPECT_TRUE(engine.solve().converged());
+}
+
 TEST(Undetermined, NamesLandmarksThatAreAloneOrSeenTooLittle) {  // L6
   for (const Method method : kMethods) {
     Graph graph;

@@ -5,6 +5,7 @@
 
 #include "oriel/linear/accumulate_landmarks.h"
 #include "oriel/linear/accumulate_runs.h"
+#include "oriel/linear/kernel_dims.h"
 #include "oriel/linear/lanes.h"
 #include "oriel/linear/linearize.h"
 
@@ -12,8 +13,6 @@ namespace oriel {
 namespace {
 
 using lanes::kLanes, lanes::kStride, lanes::load, lanes::store, lanes::turn, lanes::V8;
-
-constexpr int kLargestDim = 9;
 
 // Where one lane's product goes; null: nowhere.
 struct Destination {
@@ -25,7 +24,7 @@ using Destinations = std::array<Destination, kLanes>;
 
 // Products of eight rows, lane by lane: entries of a lane stand together, column by column.
 struct Tile {
-  static constexpr int kEntries = (kLargestDim * kLargestDim + 7) / 8 * 8;
+  static constexpr int kEntries = (kLargestKernelDim * kLargestKernelDim + 7) / 8 * 8;
   alignas(64) double by_lane[kLanes][kEntries];
 
   void fill(const V8* entries, int count) {
@@ -115,19 +114,18 @@ void pair_fallback(int da, int db, const double* a, const double* b, int dim, co
 }
 
 using Kernel = void (*)(const double*, const double*, int, const Destinations&);
-constexpr int kIndexOfDim[10] = {-1, 0, 1, 2, -1, -1, 3, 4, -1, 5};
 
 template <int DA>
-constexpr std::array<Kernel, 6> kernels_of() {
+constexpr std::array<Kernel, kKernelDims> kernels_of() {
   return {&pair_kernel<DA, 1>, &pair_kernel<DA, 2>, &pair_kernel<DA, 3>,
           &pair_kernel<DA, 6>, &pair_kernel<DA, 7>, &pair_kernel<DA, 9>};
 }
-constexpr std::array<std::array<Kernel, 6>, 6> kKernels = {kernels_of<1>(), kernels_of<2>(), kernels_of<3>(),
-                                                           kernels_of<6>(), kernels_of<7>(), kernels_of<9>()};
+constexpr std::array<std::array<Kernel, kKernelDims>, kKernelDims> kKernels = {
+    kernels_of<1>(), kernels_of<2>(), kernels_of<3>(), kernels_of<6>(), kernels_of<7>(), kernels_of<9>()};
 
 Kernel find_kernel(int da, int db) {
-  if (da > kLargestDim || db > kLargestDim || kIndexOfDim[da] < 0 || kIndexOfDim[db] < 0) return nullptr;
-  return kKernels[kIndexOfDim[da]][kIndexOfDim[db]];
+  const int a = kernel_index(da), b = kernel_index(db);
+  return a < 0 || b < 0 ? nullptr : kKernels[a][b];
 }
 
 // One group of eight lanes of one batch.

@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "oriel/linear/kernel_dims.h"
 #include "oriel/linear/lanes.h"
 #include "oriel/linear/linearize.h"
 
@@ -10,8 +11,9 @@ namespace {
 
 using lanes::kLanes, lanes::kStride, lanes::load, lanes::store, lanes::turn, lanes::V8;
 
-constexpr int kLargestDim = 9, kLargestLandmark = 3, kMostOthers = 3;
-constexpr int kMostEntries = 16 + kMostOthers * kLargestDim * kLargestLandmark + 7;
+constexpr int kMostOthers = static_cast<int>(kMostLandmarkArguments) - 1;
+constexpr int kMostEntries =
+    (kLargestLandmarkDim + 1) * kLargestLandmarkDim + kMostOthers * kLargestKernelDim * kLargestLandmarkDim;
 
 // out = Aᵀ B over residual rows, eight lanes at once, column by column; A and B are columns of J.
 template <int DA, int DB>
@@ -41,14 +43,13 @@ void multiply_any(int da, int db, const double* a, const double* b, int dim, V8*
 }
 
 using Kernel = void (*)(const double*, const double*, int, V8*);
-constexpr int kIndexOfDim[10] = {-1, 0, 1, 2, -1, -1, 3, 4, -1, 5};
 template <int DB>
-constexpr std::array<Kernel, 6> kernels_of() {
+constexpr std::array<Kernel, kKernelDims> kernels_of() {
   return {&multiply<1, DB>, &multiply<2, DB>, &multiply<3, DB>, &multiply<6, DB>, &multiply<7, DB>, &multiply<9, DB>};
 }
-constexpr std::array<std::array<Kernel, 6>, kLargestLandmark> kKernels = {kernels_of<1>(), kernels_of<2>(),
-                                                                          kernels_of<3>()};
-Kernel find_kernel(int da, int db) { return kIndexOfDim[da] < 0 ? nullptr : kKernels[db - 1][kIndexOfDim[da]]; }
+constexpr std::array<std::array<Kernel, kKernelDims>, kLargestLandmarkDim> kKernels = {kernels_of<1>(), kernels_of<2>(),
+                                                                                       kernels_of<3>()};
+Kernel find_kernel(int da, int db) { return kernel_index(da) < 0 ? nullptr : kKernels[db - 1][kernel_index(da)]; }
 
 // to += from, D values: whole vectors first.
 template <int D>

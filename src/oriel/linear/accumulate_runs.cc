@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "oriel/linear/kernel_dims.h"
 #include "oriel/linear/lanes.h"
 #include "oriel/linear/linearize.h"
 
@@ -11,7 +12,6 @@ namespace {
 
 using lanes::kLanes, lanes::kStride, lanes::load, lanes::store, lanes::turn, lanes::V8;
 
-constexpr int kLargestDim = 9;
 constexpr int kRegisters = 24;  // running sums at once
 
 // Σ over rows and lanes of A_i B_c for columns [0, N) of B: DA × N sums, column by column. `count` lanes, a multiple of
@@ -43,7 +43,7 @@ void sum_columns(const double* a, const double* b, int dim, int count, double* o
 }
 
 struct Product {
-  double entries[kLargestDim * kLargestDim + 8];
+  double entries[kLargestKernelDim * kLargestKernelDim + 8];
 };
 
 template <int DA, int DB>
@@ -73,14 +73,13 @@ void run_fallback(int da, int db, const double* a, const double* b, int dim, int
 }
 
 using Kernel = void (*)(const double*, const double*, int, int, Product&);
-constexpr int kIndexOfDim[10] = {-1, 0, 1, 2, -1, -1, 3, 4, -1, 5};
 template <int DA>
-constexpr std::array<Kernel, 6> kernels_of() {
+constexpr std::array<Kernel, kKernelDims> kernels_of() {
   return {&run_kernel<DA, 1>, &run_kernel<DA, 2>, &run_kernel<DA, 3>,
           &run_kernel<DA, 6>, &run_kernel<DA, 7>, &run_kernel<DA, 9>};
 }
-constexpr std::array<std::array<Kernel, 6>, 6> kKernels = {kernels_of<1>(), kernels_of<2>(), kernels_of<3>(),
-                                                           kernels_of<6>(), kernels_of<7>(), kernels_of<9>()};
+constexpr std::array<std::array<Kernel, kKernelDims>, kKernelDims> kKernels = {
+    kernels_of<1>(), kernels_of<2>(), kernels_of<3>(), kernels_of<6>(), kernels_of<7>(), kernels_of<9>()};
 
 // Columns of one variable: blocks above the diagonal are not wanted. Six columns are two threes.
 void square_six(const double* a, int dim, int count, Product& out) {
@@ -95,7 +94,7 @@ void square_six(const double* a, int dim, int count, Product& out) {
 void multiply(int da, int db, const double* a, const double* b, int dim, int count, Product& out,
               std::int64_t& fallbacks) {
   if (a == b && da == 6) return square_six(a, dim, count, out);
-  const int x = da <= kLargestDim ? kIndexOfDim[da] : -1, y = db <= kLargestDim ? kIndexOfDim[db] : -1;
+  const int x = kernel_index(da), y = kernel_index(db);
   if (x >= 0 && y >= 0)
     kKernels[x][y](a, b, dim, count, out);
   else

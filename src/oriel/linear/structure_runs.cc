@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "oriel/base/pack.h"
+#include "oriel/linear/kernel_dims.h"
 #include "oriel/linear/structure.h"
 
 namespace oriel {
@@ -26,12 +27,10 @@ void LinearStructure::set_active(TablePlan& plan) {
 // A landmark that is kept is like any other variable.
 int LinearStructure::find_landmark_argument(const TablePlan& plan) const {
   const std::size_t n = plan.arguments.size();
-  constexpr std::size_t kMostArguments = 4;
-  constexpr int kLargestDim = 9;  // accumulate_landmarks.cc
   int found = -1;
-  if (n > kMostArguments) return -1;
+  if (n > kMostLandmarkArguments) return -1;
   for (std::size_t a = 0; a < n; ++a) {
-    if (plan.arguments[a].dim > kLargestDim) return -1;
+    if (plan.arguments[a].dim > kLargestKernelDim) return -1;
     if (!plan.arguments[a].landmark_type) continue;
     if (found >= 0) return -1;
     found = static_cast<int>(a);

@@ -27,6 +27,8 @@ class Minimizer {
   void finish();
   void name_not_finite();
   bool has_weak_landmark() const;
+  template <class F>
+  void for_each_pivot(F f) const;
   std::pair<int, double> smallest_pivot() const;
   bool may_have_gauge();
   void find_undetermined();

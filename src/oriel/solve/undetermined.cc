@@ -190,19 +190,27 @@ bool Minimizer::has_weak_landmark() const {
                      [this](const LandmarkBlock& l) { return is_weak(e_.system_.landmarks.data() + l.v(), l.dim); });
 }
 
+// f(place in elimination, place in a step, pivot of the last factorization, diagonal of H) for each kept scalar; the
+// pivot of one that was left out is 0.
+template <class F>
+void Minimizer::for_each_pivot(F f) const {
+  const Multifrontal& factorization = e_.structure_.factorization();
+  const auto& kept = e_.structure_.kept();
+  for (std::size_t b = 0; b < kept.size(); ++b)
+    for (int k = 0; k < kept[b].dim; ++k) {
+      const int scalar = factorization.symbolic().scalar(static_cast<int>(b)) + k, at = kept[b].offset + k;
+      const double inverse = factorization.inverse_diagonal()[static_cast<std::size_t>(scalar)];
+      f(scalar, at, inverse > 0.0 ? 1.0 / (inverse * inverse) : 0.0, e_.system_.diagonal[static_cast<std::size_t>(at)]);
+    }
+}
+
 // Where the pivot of the last factorization is the smallest share of the diagonal of H (see above), and that share.
 std::pair<int, double> Minimizer::smallest_pivot() const {
-  const Multifrontal& factorization = e_.structure_.factorization();
   std::pair<int, double> least{-1, 1.0};
-  for (std::size_t b = 0; b < e_.structure_.kept().size(); ++b)
-    for (int k = 0; k < e_.structure_.kept()[b].dim; ++k) {
-      const int scalar = factorization.symbolic().scalar(static_cast<int>(b)) + k;
-      const int at = e_.structure_.kept()[b].offset + k;
-      const double inverse = factorization.inverse_diagonal()[static_cast<std::size_t>(scalar)];
-      const double diagonal = e_.system_.diagonal[static_cast<std::size_t>(at)];
-      const double share = inverse > 0.0 && diagonal > 0.0 ? 1.0 / (inverse * inverse * diagonal) : 0.0;
-      if (share < least.second) least = {at, share};
-    }
+  for_each_pivot([&](int, int at, double pivot, double diagonal) {
+    const double share = diagonal > 0.0 ? pivot / diagonal : 0.0;
+    if (share < least.second) least = {at, share};
+  });
   return least;
 }
 
@@ -236,16 +244,11 @@ std::vector<int> Minimizer::hold_null_scalars(const double* h) {
   Multifrontal& factorization = e_.structure_.factorization();
   factorization.factor(h, e_.damping_.data(), nullptr);
   std::vector<std::pair<int, int>> found;  // place in elimination, place in a step
-  for (std::size_t b = 0; b < e_.structure_.kept().size(); ++b)
-    for (int k = 0; k < e_.structure_.kept()[b].dim; ++k) {
-      const int scalar = factorization.symbolic().scalar(static_cast<int>(b)) + k;
-      const int at = e_.structure_.kept()[b].offset + k;
-      const double inverse = factorization.inverse_diagonal()[static_cast<std::size_t>(scalar)];
-      const double diagonal = e_.system_.diagonal[static_cast<std::size_t>(at)];
-      if (inverse > 0.0 && 1.0 / (inverse * inverse) > kNullPivot * diagonal) continue;
-      found.emplace_back(scalar, at);
-      e_.damping_[static_cast<std::size_t>(at)] = diagonal > 0.0 ? kHold * diagonal : 1.0;
-    }
+  for_each_pivot([&](int scalar, int at, double pivot, double diagonal) {
+    if (pivot > 0.0 && pivot > kNullPivot * diagonal) return;
+    found.emplace_back(scalar, at);
+    e_.damping_[static_cast<std::size_t>(at)] = diagonal > 0.0 ? kHold * diagonal : 1.0;
+  });
   std::sort(found.begin(), found.end());
   std::vector<int> scalars;
   for (const auto& f : found) scalars.push_back(f.second);

@@ -41,7 +41,7 @@ class SlidingWindow {
   Summary solve(const SolveOptions& options);
   // Variables leave at the values of the last solve; what they knew becomes a prior on their neighbours.
   Result<MarginalizeReport> slide(std::span<const VariableKey> leaving, const MarginalizeOptions& options);
-  // The engine forgets what it learnt from earlier solves, but keeps its memory.
+  // The engine is told that nothing was solved yet; it keeps its memory.
   void begin_anew() { engine_.restore({}); }
   // Everything leaves.
   Result<void> clear();
