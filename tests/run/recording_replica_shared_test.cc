@@ -18,7 +18,7 @@ const std::string kData = ORIEL_SHARED_DIR;
 // Tells a replica of every edit and every solve, and compares after each.
 class Comparison final : public WindowObserver {
  public:
-  Comparison(SlidingWindow& window, Replica& replica)
+  Comparison(WindowCore& window, Replica& replica)
       : window_(window), replica_(replica), subscription_(window.followed().subscribe()) {}
 
   void edited() override { EXPECT_TRUE(replica_.follow(window_.followed(), subscription_)); }
@@ -48,7 +48,7 @@ class Comparison final : public WindowObserver {
     return n;
   }
 
-  SlidingWindow& window_;
+  WindowCore& window_;
   Replica& replica_;
   Subscription subscription_;
   std::mt19937 random_{11};

@@ -15,10 +15,10 @@
 #include "oriel/window/initialise.h"
 #include "oriel/window/landmark_builder.h"
 #include "oriel/window/relocate.h"
-#include "oriel/window/sliding_window.h"
 #include "oriel/window/timeline.h"
 #include "oriel/window/trajectory.h"
 #include "oriel/window/visual_map.h"
+#include "oriel/window/window_core.h"
 
 namespace oriel {
 
@@ -75,7 +75,7 @@ class InertialOdometry {
   Trajectory final() const;                             // each state as it was when it left the window, or is now
   int left() const { return static_cast<int>(left_.poses().size()); }  // states that were marginalized so far
   const std::array<std::int64_t, kDropReasonNames.size()>& dropped() const { return dropped_; }
-  SlidingWindow& window() { return window_; }
+  WindowCore& window() { return window_; }
   const Timeline<InertialState>& timeline() const { return timeline_; }
   InertialValues values(const InertialState& state) const;
 
@@ -107,7 +107,7 @@ class InertialOdometry {
   ImuNoise noise_;
   StereoRigd rig_;
   ImuBuffer imu_;
-  SlidingWindow window_;
+  WindowCore window_;
   Timeline<InertialState> timeline_;
   VisualMap map_;
   LandmarkBuilder builder_;

@@ -30,7 +30,7 @@ struct Scene {
 
 class Rehearsal {
  public:
-  Rehearsal(SlidingWindow& window, const StereoRigd& rig, const WindowSize& size)
+  Rehearsal(WindowCore& window, const StereoRigd& rig, const WindowSize& size)
       : window_(window), rig_(rig), size_(size) {}
 
   // Which tables there are decides which place in the engine's memory each has, so that the window is built with the
@@ -145,7 +145,7 @@ class Rehearsal {
     return commit();
   }
 
-  SlidingWindow& window_;
+  WindowCore& window_;
   StereoRigd rig_;
   WindowSize size_;
   Scene scene_;
@@ -158,7 +158,7 @@ class Rehearsal {
 
 }  // namespace
 
-bool rehearse(SlidingWindow& window, const StereoRigd& rig, const WindowSize& size) {
+bool rehearse(WindowCore& window, const StereoRigd& rig, const WindowSize& size) {
   const bool done = Rehearsal(window, rig, size)();
   (void)window.clear();
   window.begin_anew();

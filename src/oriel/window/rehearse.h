@@ -3,7 +3,7 @@
 // of who holds memory, and none that a later change could forget.
 #pragma once
 #include "oriel/sensor/stereo_rig.h"
-#include "oriel/window/sliding_window.h"
+#include "oriel/window/window_core.h"
 
 namespace oriel {
 
@@ -14,6 +14,6 @@ struct WindowSize {
 
 // The window must be empty, and nobody may follow it yet. It is empty afterwards, its engine as new but for its memory.
 // False where an edit or a solve was refused: then memory is asked for later, and nothing else is lost.
-bool rehearse(SlidingWindow& window, const StereoRigd& rig, const WindowSize& size);
+bool rehearse(WindowCore& window, const StereoRigd& rig, const WindowSize& size);
 
 }  // namespace oriel

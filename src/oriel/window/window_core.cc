@@ -1,22 +1,22 @@
-#include "oriel/window/sliding_window.h"
+#include "oriel/window/window_core.h"
 
 namespace oriel {
 
-Result<void> SlidingWindow::commit() {
+Result<void> WindowCore::commit() {
   if (edit_.empty()) return {};
   if (auto ok = graph_.apply(edit_); !ok) return ok;
   if (observer_ != nullptr) observer_->edited();
   return {};
 }
 
-Summary SlidingWindow::solve(const SolveOptions& options) {
+Summary WindowCore::solve(const SolveOptions& options) {
   const SolverState before = engine_.state();
   Summary summary = engine_.solve(options);
   if (observer_ != nullptr) observer_->solved(options, before, summary, engine_);
   return summary;
 }
 
-Result<MarginalizeReport> SlidingWindow::slide(std::span<const VariableKey> leaving,
+Result<MarginalizeReport> WindowCore::slide(std::span<const VariableKey> leaving,
                                                const MarginalizeOptions& options) {
   Result<MarginalizeReport> report = marginalizer_.marginalize(graph_, leaving, options, edit());
   if (!report) return report;
@@ -24,7 +24,7 @@ Result<MarginalizeReport> SlidingWindow::slide(std::span<const VariableKey> leav
   return report;
 }
 
-Result<void> SlidingWindow::clear() {
+Result<void> WindowCore::clear() {
   GraphEdit& all = edit();
   for (const auto& pool : graph_.pools())
     for (std::uint32_t d = 0; d < pool->extent(); ++d)

@@ -1,5 +1,5 @@
 // A graph, its engine and its marginalizer in step, and who watches them.
-#include "oriel/window/sliding_window.h"
+#include "oriel/window/window_core.h"
 
 #include <gtest/gtest.h>
 
@@ -22,7 +22,7 @@ struct Watcher final : WindowObserver {
 
 // x_0 known, and a chain of steps (1, 0.5) from it.
 struct Chain {
-  SlidingWindow window;
+  WindowCore window;
   std::vector<VariableId<V>> x;
   void grow() {
     GraphEdit& edit = window.edit();
@@ -36,7 +36,7 @@ struct Chain {
 };
 
 // W12
-TEST(SlidingWindow, EndsAtTheBatchSolutionOfALinearChainWhereverItSlides) {
+TEST(WindowCore, EndsAtTheBatchSolutionOfALinearChainWhereverItSlides) {
   Chain chain;
   for (int k = 0; k < 30; ++k) {
     chain.grow();
@@ -51,7 +51,7 @@ TEST(SlidingWindow, EndsAtTheBatchSolutionOfALinearChainWhereverItSlides) {
   EXPECT_NEAR(newest.v[1], 14.5, 1e-9);
 }
 
-TEST(SlidingWindow, TellsAnObserverOfEveryEditAndSolve) {
+TEST(WindowCore, TellsAnObserverOfEveryEditAndSolve) {
   Chain chain;
   Watcher watcher;
   chain.window.observe(&watcher);
@@ -67,7 +67,7 @@ TEST(SlidingWindow, TellsAnObserverOfEveryEditAndSolve) {
   EXPECT_EQ(watcher.edits, 3);
 }
 
-TEST(SlidingWindow, IsAsItWasAfterARefusedEditOrSlide) {
+TEST(WindowCore, IsAsItWasAfterARefusedEditOrSlide) {
   Chain chain;
   Watcher watcher;
   chain.grow();
@@ -84,7 +84,7 @@ TEST(SlidingWindow, IsAsItWasAfterARefusedEditOrSlide) {
   EXPECT_TRUE(chain.window.solve({}).converged());
 }
 
-TEST(SlidingWindow, IsEmptyAfterItWasCleared) {
+TEST(WindowCore, IsEmptyAfterItWasCleared) {
   Chain chain;
   for (int k = 0; k < 5; ++k) chain.grow();
   ASSERT_TRUE(chain.window.clear().ok());

@@ -1,4 +1,4 @@
-// SlidingWindow: a graph, the engine that solves it and the marginalizer that keeps it small. It knows no sensors, no
+// WindowCore: a graph, the engine that solves it and the marginalizer that keeps it small. It knows no sensors, no
 // times and no threads: what goes in and what leaves is an edit or a list of variables, and every step is seen by an
 // observer, so that a run can be recorded and replayed.
 #pragma once
@@ -19,11 +19,11 @@ class WindowObserver {
                       const NativeEngine& engine) = 0;
 };
 
-class SlidingWindow {
+class WindowCore {
  public:
-  SlidingWindow() : engine_(graph_), edit_(graph_) {}
-  SlidingWindow(const SlidingWindow&) = delete;
-  SlidingWindow& operator=(const SlidingWindow&) = delete;
+  WindowCore() : engine_(graph_), edit_(graph_) {}
+  WindowCore(const WindowCore&) = delete;
+  WindowCore& operator=(const WindowCore&) = delete;
 
   const Graph& graph() const { return graph_; }
   const NativeEngine& engine() const { return engine_; }
