@@ -27,6 +27,28 @@ struct Quadratic {  // no loss at all, by the user's way
   static LossValue<double> evaluate(double, double s) { return {s, 1.0}; }
 };
 
+// Counts what it is asked and could not answer: the square of a residual that is not a number.
+struct Counting {
+  static constexpr std::string_view kName = "example.counting/1";
+  static inline int calls = 0, without_number = 0;
+  static LossValue<double> evaluate(double, double s) {
+    ++calls;
+    if (!std::isfinite(s)) ++without_number;
+    return {s, 1.0};
+  }
+};
+
+struct Root {  // √x - 1, not valid where x is negative
+  static constexpr std::string_view kName = "example.root/1";
+  using Variables = Types<Scalar>;
+  template <class S>
+  std::optional<S> operator()(const VectorN<S, 1>& x) const {
+    using std::sqrt;
+    if (x.v[0] < S(0.0)) return std::nullopt;
+    return sqrt(x.v[0]) - S(1.0);
+  }
+};
+
 // Measurements of one scalar about 1, one of them far off.
 VariableId<Scalar> add_measurements(Graph& graph, const Loss& loss) {
   GraphEdit edit = graph.edit();
@@ -102,6 +124,28 @@ TEST(CustomLoss, IsRefusedWithoutAFunctionOrAScale) {  // V5, V9
     EXPECT_NE(result.error().text().find("loss"), std::string::npos);
     EXPECT_EQ(graph.variable_count(), 0u);
   }
+}
+
+// A user's function need not expect what a factor leaves behind that is not valid, nor the lanes of a batch without
+// one.
+TEST(CustomLoss, IsAskedOfValidFactorsAlone) {  // V8, V9
+  Graph graph;
+  GraphEdit edit = graph.edit();
+  for (const double start : {2.0, -1.0, 3.0}) {
+    const auto x = edit.add(Scalar{{{start}}});
+    edit.add(Root{}, Sigma(1.0), CustomLoss<Counting>(1.0), x);
+    edit.add(Prior{Scalar{{{start}}}}, Sigma(1.0), x);
+  }
+  ASSERT_TRUE(graph.apply(edit));
+  NativeEngine engine(graph);
+  Counting::calls = Counting::without_number = 0;
+  const double cost = engine.cost();
+  EXPECT_EQ(Counting::calls, 2);
+  const Summary s = engine.solve();
+  EXPECT_EQ(s.invalid_factors, 1);
+  EXPECT_EQ(s.initial_cost, cost);
+  EXPECT_GT(Counting::calls, 2);
+  EXPECT_EQ(Counting::without_number, 0);
 }
 
 }  // namespace

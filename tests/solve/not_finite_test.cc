@@ -62,6 +62,8 @@ TEST(NotFinite, AFactorWithoutAFiniteJacobianIsNamedAndInNoCost) {
       EXPECT_NEAR(s.initial_cost, start, 1e-9 * start);
       EXPECT_EQ(s.trace.front().cost, s.initial_cost);
       for (const auto id : x) EXPECT_NEAR(graph.value(id).v[0], 1.0, 1e-6);
+      EXPECT_EQ(s.fresh_cost, engine.cost());  // L3: with them, as their residuals are numbers
+      EXPECT_NEAR(s.fresh_cost, 3 * 0.5 * 990.0 * 990.0, 1e-6 * s.fresh_cost);
       EXPECT_TRUE(check(engine, graph));
     }
 }

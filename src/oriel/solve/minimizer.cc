@@ -289,6 +289,11 @@ void Minimizer::finish() {
     e_.failed_ = summary_.failed();
   }
   summary_.final_cost = summary_.fresh_cost = summary_.failed() ? summary_.initial_cost : cost_;
+  // The active set is that of the last accepted point, but for factors that have a residual there and no Jacobian.
+  if (in_time && !summary_.failed() && summary_.not_finite_factors > 0) {
+    evaluate(e_.point_, nullptr, e_.trial_active_);
+    summary_.fresh_cost = e_.trial_active_.total;
+  }
   summary_.seconds.total = seconds();
 }
 

@@ -51,8 +51,10 @@ struct [[nodiscard]] Summary {
   int iterations = 0, accepted = 0, rejected = 0, linearizations = 0;
   double initial_cost = 0.0;
   double final_cost = 0.0;  // over the factors that were active at the last accepted point
-  double fresh_cost = 0.0;  // over the factors that are valid at the final values; differs where some changed sides
-  double gradient = 0.0;    // largest entry at the last linearization
+  // Over the factors that are valid at the final values: differs where some have a residual there and no finite
+  // Jacobian. As final_cost where the solve failed, or a deadline leaves no time to look.
+  double fresh_cost = 0.0;
+  double gradient = 0.0;  // largest entry at the last linearization
   // What the newest linear model promised to gain by its step [cost]; none before a step was computed. While the step
   // was not taken (gain_open) this is what is left to gain. Once it was taken, what is left is not known, since nothing
   // was linearized after it; as a rule it is less.
