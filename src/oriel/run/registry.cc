@@ -8,10 +8,13 @@
 #include "oriel/manifold/vector.h"
 #include "oriel/residual/bal.h"
 #include "oriel/residual/between.h"
+#include "oriel/residual/body_velocity.h"
+#include "oriel/residual/gnss.h"
 #include "oriel/residual/imu_residual.h"
 #include "oriel/residual/noise.h"
 #include "oriel/residual/pose_graph.h"
 #include "oriel/residual/prior.h"
+#include "oriel/residual/range.h"
 #include "oriel/residual/reprojection.h"
 #include "oriel/sensor/stereo_rig.h"
 
@@ -39,6 +42,8 @@ TypeList shipped_types() {
            Prior<Pose3d>, Prior<InverseDepthd>>(types);
   add_each<Between<Point3d>, Between<Rot3d>, Between<Pose2d>, Between<Pose3d>>(types);
   add_each<PoseGraphEdge2d, PoseGraphEdge3d, PoseGraphEdgeLog3d>(types);
+  add_each<GnssPositiond, BodyVelocityd>(types);
+  types.factor<RangeToPointd, IsotropicNoise>().factor<RangeToBeacond, IsotropicNoise>();
   types.factor<ImuResiduald, FullNoise<ResidualTraits<ImuResiduald>::kDim>>();
   types.factor<BalReprojectiond, IsotropicNoise>();
   types.factor<StereoReprojection<double>, IsotropicNoise>();

@@ -51,7 +51,7 @@ Result<void> NativeEngine::factor_undamped(VariableKey id) noexcept {
 
 Result<void> NativeEngine::covariance_block(std::span<const VariableKey> ids, double* out) noexcept {
   if (failed_) return Error{ErrorCode::conflict, "covariance: the last solve failed, so there is none"};
-  if (auto ok = linearize(true); !ok) return ok;
+  if (auto ok = linearize(linearizer_.first_estimates); !ok) return ok;  // as the last solve did
   std::vector<int> scalars;  // in a step, of each row and column; -1: fixed, known for certain
   for (const VariableKey& id : ids) {
     auto target = find_target(*graph_, structure_, id);

@@ -29,11 +29,12 @@ Result<void> NativeEngine::linearize(bool first_estimates) {
 
 void NativeEngine::drop_caches() {
   const SolverState kept = state_;
-  const bool failed = failed_;
+  const bool failed = failed_, first_estimates = linearizer_.first_estimates;
   Graph* graph = graph_;
   *this = NativeEngine(*graph);
   state_ = kept;
   failed_ = failed;
+  linearizer_.first_estimates = first_estimates;
 }
 
 Result<void> NativeEngine::sync(const SolveOptions& options) {
