@@ -107,8 +107,8 @@ TEST(SimulatedPath, RefusesRestsThatOverlap) {
 
 TEST(SeededRandom, DrawsTheSameNumbersEverywhereAndOthersInOtherStreams) {
   // By the definition of the generator and of the seed; a change here changes every simulated figure.
-  SeededRandom a(1), b(1), other(1, 1);
-  EXPECT_EQ(a.bits(), b.bits());
+  SeededRandom a(1), other(1, 1);
+  EXPECT_EQ(a.bits(), 9822250072823399003ull);
   EXPECT_NE(a.bits(), other.bits());
   SeededRandom r(7);
   double sum = 0.0, squares = 0.0, cubes = 0.0;
