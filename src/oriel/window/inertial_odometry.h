@@ -63,6 +63,12 @@ struct UpdateReport {
   Duration without_imu;  // since the state before: how long no samples say how it moved
 };
 
+// How well a first state is known, by what it was said to be: standard deviations, each scalar by itself.
+struct StartSigmas {
+  Vec6d pose;                                                // in the body's frame [rad] [m]
+  double velocity = 0.0, gyro_bias = 0.0, accel_bias = 0.0;  // [m/s] [rad/s] [m/s²]
+};
+
 class InertialOdometry {
  public:
   InertialOdometry(const StereoRigd& rig, bool stereo, const ImuNoise& noise, const OdometryOptions& options);
@@ -70,6 +76,8 @@ class InertialOdometry {
   // Samples in the order of time; a frame is given after the samples up to its time.
   Result<void> add_imu(const ImuSample& sample) { return imu_.add(sample); }
   UpdateReport update(const StereoFrame& frame);
+  // Starts (anew, if it had started) at a frame whose state somebody knows, instead of finding a start by itself.
+  UpdateReport start_at(const StereoFrame& frame, const InertialValues& values, const StartSigmas& sigmas);
 
   const Trajectory& causal() const { return causal_; }  // each state at the moment of its own update
   Trajectory final() const;                             // each state as it was when it left the window, or is now

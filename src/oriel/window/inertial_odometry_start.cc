@@ -97,6 +97,30 @@ void InertialOdometry::restart() {
   (void)window_.clear();
 }
 
+UpdateReport InertialOdometry::start_at(const StereoFrame& frame, const InertialValues& v, const StartSigmas& sigmas) {
+  if (initialised_) restart();
+  initialiser_.clear();
+  UpdateReport report;
+  report.time = frame.time;
+  GraphEdit& edit = window_.edit();
+  builder_.set_rig(edit.add(rig_));
+  const InertialState state{frame.time, edit.add(v.T_world_body), edit.add(v.velocity), edit.add(v.bias), true};
+  const double g = sigmas.gyro_bias, a = sigmas.accel_bias;
+  edit.add(Prior{v.T_world_body}, Sigmas(sigmas.pose), state.pose);
+  edit.add(Prior{v.velocity}, Sigma(sigmas.velocity), state.velocity);
+  edit.add(Prior{v.bias}, Sigmas(Vec6d{{g, g, g, a, a, a}}), state.bias);
+  drop(DropReason::no_ray, map_.observe(frame, state.pose, seen_));
+  report.reason = "the first state was refused";
+  if (!window_.commit()) return report;
+  initialised_ = true;
+  timeline_.insert(state);
+  fill(report);
+  report.status = UpdateReport::Status::initialised;
+  report.keyframe = true;
+  causal_.add(frame.time, v.T_world_body);
+  return report;
+}
+
 bool InertialOdometry::begin(const Initialisation& start, UpdateReport& report) {
   const FirstState& first = start.states.front();
   const Pose3d T_world_origin = T_world_last_ ? level_motion(first.T_world_body, *T_world_last_) : Pose3d{};

@@ -3,6 +3,7 @@
 // observer, so that a run can be recorded and replayed.
 #pragma once
 #include <span>
+#include <vector>
 
 #include "oriel/graph/graph.h"
 #include "oriel/solve/native_engine.h"
@@ -39,6 +40,10 @@ class WindowCore {
   Result<void> commit();
   // On failure the values are those from before.
   Summary solve(const SolveOptions& options);
+  // Of several variables together, as NativeEngine says it.
+  Result<std::vector<double>> joint_covariance(std::span<const VariableKey> ids) {
+    return engine_.joint_covariance(ids);
+  }
   // Variables leave at the values of the last solve; what they knew becomes a prior on their neighbours.
   Result<MarginalizeReport> slide(std::span<const VariableKey> leaving, const MarginalizeOptions& options);
   // The engine is told that nothing was solved yet; it keeps its memory.
