@@ -48,6 +48,7 @@ ConsistencyOptions consistency_options(double seconds) {
   o.odometry.keyframes.expected_tracks = o.world.cameras.tracks;
   VisualOptions& v = o.odometry.visual;
   v.pixel_sigma = o.world.cameras.pixel_sigma;
+  v.landmarks = LandmarkModel::point;
   v.loss = Loss{};
   v.gate = v.match_gate = v.start_gate = v.refine_above = kNever;
   v.least_depth = 0.05;

@@ -60,7 +60,8 @@ void InertialOdometry::fill(UpdateReport& report) const {
   report.status = UpdateReport::Status::tracking;
   report.reason = "";
   report.values = values(*timeline_.latest());
-  report.landmarks = static_cast<int>(window_.graph().count<InverseDepthd>());
+  const Graph& g = window_.graph();
+  report.landmarks = static_cast<int>(g.count<InverseDepthd>() + g.count<Point3d>());
   report.factors = static_cast<int>(window_.graph().factor_count());
 }
 
@@ -194,8 +195,9 @@ int InertialOdometry::gate() {
   for (std::uint32_t k = 0; k < map_.extent(); ++k) {
     Track& t = map_.track(k);
     if (!t.live || !t.has_landmark) continue;
-    const double rho = graph.value(t.landmark).rho;
-    const bool deep = rho * options_.visual.least_depth <= 1.0 && rho * 10.0 * options_.visual.greatest_depth >= 1.0;
+    const double rho = builder_.inverse_depth(graph, t);
+    const bool deep =
+        rho > 0.0 && rho * options_.visual.least_depth <= 1.0 && rho * 10.0 * options_.visual.greatest_depth >= 1.0;
     std::size_t kept = 1;
     for (std::size_t i = 0; deep && i < t.sightings.size(); ++i) {
       Sighting& s = t.sightings[i];

@@ -24,18 +24,22 @@ class LandmarkBuilder {
   // A landmark and the factors of all sightings; false while that is not possible.
   bool start(GraphEdit& edit, Track& track);
   // The landmark leaves, and its factors with it; the sightings stay.
-  static void remove(GraphEdit& edit, Track& track);
+  void remove(GraphEdit& edit, Track& track) const;
 
   // Where a track's point is, by the values of the graph: its landmark, or else what the two cameras say that saw it
   // first. None if neither is there.
   std::optional<Vec3d> position(const Graph& graph, const Track& track) const;
+  // Of a track with a landmark, in camera 0 at its first sighting [1/m]; ≤ 0 behind it.
+  double inverse_depth(const Graph& graph, const Track& track) const;
   // Lengths of the errors in the two cameras [px], the second 0 where there is none; infinite where it is not in view.
   Vec2d errors(const Graph& graph, const Track& track, const Sighting& sighting) const;
   // The right camera's measurement is given up, the left one's stays.
   void forget_right(GraphEdit& edit, Track& track, Sighting& sighting) const;
 
  private:
+  bool has_points() const { return options_.landmarks == LandmarkModel::point; }
   void add_factor(GraphEdit& edit, Track& track, Sighting& sighting) const;
+  void add_point_factor(GraphEdit& edit, Track& track, Sighting& sighting) const;
   Vec2d errors_at(const Vec2d& anchor_bearing, const Pose3d& anchor, const Pose3d& body, double rho,
                   const Sighting& sighting) const;
 

@@ -15,7 +15,13 @@ struct KeyframeOptions {
   int expected_tracks = 300;         // in a frame: more are welcome, but may ask for memory in an update
 };
 
+// What a landmark is in the graph. An inverse depth along the bearing of its first sighting is one scalar, which is fast;
+// it takes that bearing for exact, and the window claims to know more than it does (docs/estimator.md has the figures). A
+// point has three, for which every sighting is a measurement with its noise: the covariances are honest.
+enum class LandmarkModel { inverse_depth, point };
+
 struct VisualOptions {
+  LandmarkModel landmarks = LandmarkModel::inverse_depth;
   double pixel_sigma = 1.0;  // of a coordinate [px]
   Loss loss = Cauchy(2.0);   // scale in sigmas of one camera's coordinates
   double gate = 5.0;         // a sighting whose error in either camera is longer is taken out after the solve [px]

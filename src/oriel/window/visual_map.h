@@ -7,6 +7,7 @@
 #include "oriel/graph/ids.h"
 #include "oriel/manifold/inverse_depth.h"
 #include "oriel/manifold/se3.h"
+#include "oriel/manifold/vector.h"
 #include "oriel/sensor/feature_track.h"
 #include "oriel/sensor/stereo_rig.h"
 
@@ -27,7 +28,8 @@ struct Sighting {
 struct Track {
   std::int64_t id = 0;
   bool live = false, has_landmark = false;
-  VariableId<InverseDepthd> landmark;
+  VariableId<InverseDepthd> landmark;  // or `point`, as LandmarkBuilder is told
+  VariableId<Point3d> point;
   std::vector<Sighting> sightings;  // by time
 };
 
