@@ -15,8 +15,14 @@ class FactorBuilder {
  public:
   virtual ~FactorBuilder() = default;
   virtual std::string_view name() const = 0;
-  // Hands over what was measured since the last call.
+  // Hands over what was measured since the last call. pending.begin() gives each group a number.
   virtual void drain(const Graph& graph, const States& states, PendingFactors& pending) = 0;
+  // What became of a group: it is in the graph, hooks have let it pass (its variables and factors in the order in which
+  // they were added; what hooks took out is not in the graph), or it never will be.
+  virtual void entered(std::uint64_t group, std::span<const VariableKey> variables, std::span<const FactorId> factors) {
+    (void)group, (void)variables, (void)factors;
+  }
+  virtual void refused(std::uint64_t group) { (void)group; }
   // States are about to be marginalized: put into `edit` what has to change before (it is applied first).
   virtual void before_slide(const Graph& graph, const States& states, std::span<const VariableKey> leaving,
                             GraphEdit& edit) {

@@ -14,6 +14,7 @@ struct State {
   int count = 0;
   VariableKey variables[kMostVariables];  // in the provider's order
   FactorId motion;                        // from the state before it; table 0 where there is none
+  bool severed = false;                   // what moved it from the state before is in the prior: none comes between
   bool solved = false;                    // a solve that did not fail has seen it
 
   std::span<const VariableKey> all() const { return {variables, static_cast<std::size_t>(count)}; }

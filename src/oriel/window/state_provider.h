@@ -20,6 +20,11 @@ class StateProvider {
   // The variables of a state, in order; at most State::kMostVariables.
   virtual std::span<const VariableOps* const> variables() const = 0;
 
+  // Can there be a first state at that time? False: not yet.
+  virtual bool can_begin(Time time) const {
+    (void)time;
+    return true;
+  }
   // Adds the variables of the first state and a prior on each; writes them to `state`, whose time is set.
   virtual Result<void> begin(GraphEdit& edit, State& state) = 0;
 
