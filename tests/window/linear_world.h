@@ -222,7 +222,7 @@ class DenseTruth {
       b.segment(r, d) = row.z / row.sigma;
       r += d;
     }
-    const Eigen::VectorXd x = A.colPivHouseholderQr().solve(b);
+    const Eigen::VectorXd x = A.householderQr().solve(b);
     std::map<Unknown, Eigen::VectorXd> out;
     for (const auto& [unknown, first] : at) out[unknown] = x.segment(first, unknown.dim());
     return out;

@@ -10,9 +10,10 @@
 namespace oriel {
 
 struct InsertedGroup {
-  int sensor = 0;  // SlidingWindow::sensor_name
-  Time newest;     // of the states that it touches
-  std::span<const FactorId> factors;
+  int sensor = 0;                              // SlidingWindow::sensor_name
+  Time newest;                                 // of the states that it touches
+  std::span<const FactorId> factors;           // its own and those that hooks before this one have added
+  std::span<const VariableKey> variables;      // that came with it, and those that hooks have added
   std::span<const VariableKey> new_variables;  // of states that were made for it
 };
 
@@ -20,13 +21,15 @@ class InsertionHook {
  public:
   struct Verdict {
     bool reject = false;
-    const char* reason = "";  // of a rejection; a literal
-    bool reset = false;       // the window is to begin anew (a gap)
+    bool reset = false;       // a gap: the window is to begin anew, with this group if it is not rejected as well
+    const char* reason = "";  // of either; a literal
   };
   virtual ~InsertionHook() = default;
   virtual std::string_view name() const = 0;
-  // What it puts into `edit` is applied when it returns, unless it rejects: then the group and the states that were
-  // made for it leave, and nothing of them stays behind. Factors that it adds and removes are told to later hooks.
+  // What it puts into `edit` is applied when it returns, unless it rejects: then the group, the states that were made
+  // for it and what earlier hooks have added to it leave, and nothing of them stays behind. What earlier hooks have
+  // changed of other factors and variables is not undone: hooks that may reject stand before those that edit.
+  // An edit that is refused rejects the group.
   virtual Verdict inserted(const Graph& graph, const States& states, const InsertedGroup& group, GraphEdit& edit) = 0;
   virtual void reset() {}
 };

@@ -27,6 +27,7 @@ std::uint64_t PendingFactors::begin(int sensor) {
   open_ = true;
   Group g;
   g.sensor = sensor;
+  g.owner = owner_;
   g.number = ++number_;
   g.first_factor = static_cast<std::uint32_t>(factors_.size());
   g.first_variable = static_cast<std::uint32_t>(variables_.size());

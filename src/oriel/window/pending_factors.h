@@ -71,6 +71,7 @@ class PendingFactors {
  public:
   struct Group {
     int sensor = 0;
+    int owner = -1;            // the builder that it is of, by its place in the window
     std::uint64_t number = 0;  // from 1, in the order of coming
     bool has_states = false;
     Time oldest, newest;  // of the times that it names
@@ -91,8 +92,8 @@ class PendingFactors {
   int sensor(std::string_view name);
   int sensors() const { return static_cast<int>(sensors_.size()); }
   const std::string& sensor_name(int sensor) const { return sensors_[sensor]; }
-  // Whom begin() without a sensor means.
-  void set_sensor(int sensor) { sensor_ = sensor; }
+  // Whom begin() without a sensor means, and whose groups come now.
+  void set_sensor(int sensor, int owner = -1) { sensor_ = sensor, owner_ = owner; }
 
   // ---- what builders do ----
   // The group's number. Groups do not nest.
@@ -140,7 +141,7 @@ class PendingFactors {
   Readiness readiness(const Group& group, const PendingRef& ref, const Graph& graph, const States& states) const;
 
   std::vector<std::string> sensors_;
-  int sensor_ = 0;
+  int sensor_ = 0, owner_ = -1;
   bool open_ = false;
   std::uint64_t number_ = 0;
   std::vector<Group> groups_;

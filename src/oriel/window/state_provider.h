@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "oriel/base/result.h"
-#include "oriel/graph/graph_edit.h"
+#include "oriel/graph/graph.h"
 #include "oriel/window/state.h"
 
 namespace oriel {
@@ -37,6 +37,9 @@ class StateProvider {
   // the same pair, it adds an equal factor.
   virtual Result<FactorId> link(GraphEdit& edit, const State& from, const State& to) = 0;
 
+  // The window is about to begin anew; `last` is the newest state that it had, still in the graph. The next first state
+  // may go on from there.
+  virtual void ended(const Graph& graph, const State& last) { (void)graph, (void)last; }
   // No motion that begins before `time` is asked for any more.
   virtual void forget_before(Time time) { (void)time; }
 };

@@ -159,10 +159,10 @@ void States::mark_solved() {
       chain.timeline.change(chain.timeline[k].time)->solved = true;
 }
 
-void States::clear() {
+void States::clear(Time horizon) {
   for (Chain& chain : chains_) {
     chain.timeline.clear();
-    chain.horizon = kNever;
+    chain.horizon = horizon;
   }
   commit();
 }

@@ -34,6 +34,8 @@ enum class Reach {
 
 class States {
  public:
+  static constexpr Time kNever{std::numeric_limits<std::int64_t>::min()};
+
   // The provider's timeline is empty until begin() or a first request.
   ProviderId add(std::unique_ptr<StateProvider> provider);
   int providers() const { return static_cast<int>(chains_.size()); }
@@ -75,13 +77,12 @@ class States {
   // Times before the oldest state, or up to `left` where there is none, are too old from now on.
   void raise_horizon(ProviderId id, Time left);
   void mark_solved();
-  // No state and no horizon is left.
-  void clear();
+  // No state is left, and times before `horizon` are too old.
+  void clear(Time horizon = kNever);
   Time horizon(ProviderId id) const { return chains_[id.index].horizon; }
   bool staged() const { return !staged_.empty(); }
 
  private:
-  static constexpr Time kNever{std::numeric_limits<std::int64_t>::min()};
   struct Chain {
     std::unique_ptr<StateProvider> provider;
     Timeline<State> timeline;

@@ -16,12 +16,22 @@ Summary WindowCore::solve(const SolveOptions& options) {
   return summary;
 }
 
-Result<MarginalizeReport> WindowCore::slide(std::span<const VariableKey> leaving,
-                                               const MarginalizeOptions& options) {
+Result<MarginalizeReport> WindowCore::slide(std::span<const VariableKey> leaving, const MarginalizeOptions& options) {
   Result<MarginalizeReport> report = marginalizer_.marginalize(graph_, leaving, options, edit());
   if (!report) return report;
   if (auto ok = commit(); !ok) return ok.error();
   return report;
+}
+
+Result<void> WindowCore::drop(std::span<const VariableKey> leaving, LandmarkPolicy landmarks) {
+  if (auto ok = scope_.collect(graph_, leaving, landmarks); !ok) return ok;
+  GraphEdit& all = edit();
+  for (const MarginalVariable& v : scope_.variables())
+    if (v.role != MarginalVariable::Role::staying) all.remove(v.id);
+  // Those of their priors as well: graphs would keep what these say of the variables that stay.
+  for (const MarginalPrior& p : scope_.priors())
+    all.remove(FactorId{PriorTable::kKey, graph_.priors().slots().key(p.row)});
+  return commit();
 }
 
 Result<void> WindowCore::clear() {

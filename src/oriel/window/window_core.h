@@ -28,6 +28,8 @@ class WindowCore {
 
   const Graph& graph() const { return graph_; }
   const NativeEngine& engine() const { return engine_; }
+  // For covariance, which factors the system anew.
+  NativeEngine& engine() { return engine_; }
   void observe(WindowObserver* observer) { observer_ = observer; }
   // For those who subscribe to its changes (Graph::subscribe).
   Graph& followed() { return graph_; }
@@ -37,6 +39,7 @@ class WindowCore {
     edit_.clear();
     return edit_;
   }
+  GraphEdit& edited() { return edit_; }  // as it was filled, or applied
   Result<void> commit();
   // On failure the values are those from before.
   Summary solve(const SolveOptions& options);
@@ -46,6 +49,8 @@ class WindowCore {
   }
   // Variables leave at the values of the last solve; what they knew becomes a prior on their neighbours.
   Result<MarginalizeReport> slide(std::span<const VariableKey> leaving, const MarginalizeOptions& options);
+  // Variables leave, landmarks as the policy says, and what they knew is lost: no prior.
+  Result<void> drop(std::span<const VariableKey> leaving, LandmarkPolicy landmarks);
   // The engine is told that nothing was solved yet; it keeps its memory.
   void begin_anew() { engine_.restore({}); }
   // Everything leaves.
@@ -56,6 +61,7 @@ class WindowCore {
   NativeEngine engine_;
   GraphEdit edit_;
   Marginalizer marginalizer_;
+  MarginalScope scope_;
   WindowObserver* observer_ = nullptr;
 };
 
