@@ -40,6 +40,11 @@ struct SquareRootRows {
   int rows = 0, cols = 0;
   std::vector<double> R, d;                      // rows × cols, column-major; rows
   std::vector<UndeterminedColumn> undetermined;  // leaving scalars
+  // Where asked for, the rows that leave, p(leaving | staying): r = d + R δ over all columns of the component, leaving
+  // ones first. What landmarks that are eliminated on their own said is in them; the landmarks themselves are not.
+  bool keep_conditional = false;
+  int conditional_rows = 0;
+  std::vector<double> conditional_R, conditional_d;
 };
 
 }  // namespace oriel

@@ -346,21 +346,24 @@ void InformationSum::finish(SquareRootRows& out) {
     for (int i = 0; i < v.dim; ++i)
       if (active_.data()[v.column + i] != 0.0) out.undetermined.push_back({scope_->ordered()[o], i});
   }
-  write_rows(first, out);
+  out.rows = steps_ - first, out.cols = n_ - leaving;
+  write_rows(first, out.rows, leaving, out.R, out.d);
+  out.conditional_rows = out.keep_conditional ? first : 0;
+  write_rows(0, out.conditional_rows, 0, out.conditional_R, out.conditional_d);
 }
 
-void InformationSum::write_rows(int first, SquareRootRows& out) {
-  const int leaving = component_->leaving_dim;
-  out.cols = n_ - leaving;
-  out.rows = steps_ - first;
-  out.R.resize(static_cast<std::size_t>(out.rows) * out.cols);
-  for (int c = 0; c < out.cols; ++c) {
-    const double scale = scale_.data()[leaving + c], unscale = scale > 0.0 ? 1.0 / scale : 0.0;
-    const double* const from = factor_.data() + static_cast<std::int64_t>(first) * ld_ + leaving + c;
-    double* const to = out.R.data() + static_cast<std::size_t>(c) * out.rows;
-    for (int k = 0; k < out.rows; ++k) to[k] = from[static_cast<std::int64_t>(k) * ld_] * unscale;
+// Columns from `first_column` on, unscaled.
+void InformationSum::write_rows(int first_row, int rows, int first_column, std::vector<double>& R,
+                                std::vector<double>& d) const {
+  const int cols = n_ - first_column;
+  R.resize(static_cast<std::size_t>(rows) * cols);
+  for (int c = 0; c < cols; ++c) {
+    const double scale = scale_.data()[first_column + c], unscale = scale > 0.0 ? 1.0 / scale : 0.0;
+    const double* const from = factor_.data() + static_cast<std::int64_t>(first_row) * ld_ + first_column + c;
+    double* const to = R.data() + static_cast<std::size_t>(c) * rows;
+    for (int k = 0; k < rows; ++k) to[k] = from[static_cast<std::int64_t>(k) * ld_] * unscale;
   }
-  out.d.assign(right_.begin() + first, right_.end());
+  d.assign(right_.begin() + first_row, right_.begin() + first_row + rows);
 }
 
 }  // namespace oriel

@@ -37,7 +37,7 @@ class InformationSum {
   bool factor_at_once();
   void step(int p, int block);
   void eliminate(int begin, int end);
-  void write_rows(int first, SquareRootRows& out);
+  void write_rows(int first_row, int rows, int first_column, std::vector<double>& R, std::vector<double>& d) const;
   void add_landmarks(const AbsorbedBatch& batch, int begin, int end);
   double* at(int row, int column) { return h_.data() + static_cast<std::int64_t>(column) * ld_ + row; }
 

@@ -15,22 +15,41 @@ void cover(std::vector<T>& column, std::size_t extent) {
 
 }  // namespace
 
-Result<void> MarginalScope::collect(const Graph& graph, std::span<const VariableKey> leaving, LandmarkPolicy policy) {
+Result<void> MarginalScope::collect(const Graph& graph, std::span<const VariableKey> leaving, LandmarkPolicy policy,
+                                    std::span<const TypePolicy> types) {
   reset(graph);
   for (const VariableKey& id : leaving)
-    if (auto ok = add_leaving(graph, id); !ok) return ok;
+    if (auto ok = add_leaving(graph, id, types); !ok) return ok;
   asked_ = static_cast<std::int32_t>(variables_.size());
-  for (std::int32_t i = 0; i < asked_; ++i) judge_landmarks(graph, i, policy);
+  for (std::int32_t i = 0; i < asked_; ++i) drop_asked(graph, i);
+  for (std::int32_t i = 0; i < asked_; ++i)
+    if (variables_[i].role == Role::leaving) judge_landmarks(graph, i, policy);
   const auto gone = static_cast<std::int32_t>(variables_.size());
   for (std::int32_t i = 0; i < gone; ++i)
     if (variables_[i].role == Role::leaving) absorb_factors(graph, i);
+  arrange(graph);
+  return {};
+}
+
+void MarginalScope::collect_factors(const Graph& graph, std::span<const AbsorbedFactor> factors) {
+  reset(graph);
+  asked_ = 0;
+  for (const AbsorbedFactor& f : factors) {
+    if (f.table == Graph::kPriorTable)
+      absorb_prior(graph, f.row);
+    else
+      absorb_row(graph, f.table, f.row);
+  }
+  arrange(graph);
+}
+
+void MarginalScope::arrange(const Graph& graph) {
   rank_types(graph);
   sort_variables();
   choose_landmarks();
   find_components();
   place_columns();
   sort_rows();
-  return {};
 }
 
 void MarginalScope::reset(const Graph& graph) {
@@ -41,7 +60,7 @@ void MarginalScope::reset(const Graph& graph) {
   arguments_.clear();
   components_.clear();
   ordered_.clear();
-  closed_landmarks = leaving_landmarks = kept_landmarks = dropped_landmarks = dropped_factors = 0;
+  closed_landmarks = leaving_landmarks = kept_landmarks = dropped_landmarks = dropped_factors = dropped_variables = 0;
   if (marks_.size() < graph.pools().size()) marks_.resize(graph.pools().size());
   for (std::size_t p = 0; p < graph.pools().size(); ++p) cover(marks_[p], graph.pools()[p]->extent());
   if (row_stamps_.size() < graph.tables().size()) row_stamps_.resize(graph.tables().size());
@@ -71,7 +90,7 @@ std::int32_t MarginalScope::add(const Graph& graph, std::uint32_t pool, std::uin
   return mark.at;
 }
 
-Result<void> MarginalScope::add_leaving(const Graph& graph, VariableKey id) {
+Result<void> MarginalScope::add_leaving(const Graph& graph, VariableKey id, std::span<const TypePolicy> types) {
   std::uint32_t pool = 0;
   while (pool < graph.pools().size() && graph.pools()[pool]->ops().key != id.type) ++pool;
   const std::uint32_t dense =
@@ -83,11 +102,38 @@ Result<void> MarginalScope::add_leaving(const Graph& graph, VariableKey id) {
   const std::int32_t at = add(graph, pool, dense);
   if (at < 0)
     return Error{ErrorCode::bad_input, "marginalize: " + graph.describe(id) + " is a constant, expected a variable"};
-  variables_[at].role = Role::leaving;
+  MarginalVariable& v = variables_[at];
+  const Departure departure = policy_of(types, id.type).departure;
+  v.held = departure == Departure::fix;
+  v.fixed = v.fixed || v.held || departure == Departure::condition;
+  v.role = v.held ? Role::staying : departure == Departure::drop ? Role::dropped : Role::leaving;
   return {};
 }
 
-void MarginalScope::judge_landmarks(const Graph& graph, std::int32_t at, LandmarkPolicy policy) {
+// Factors of variables that are dropped are claimed before any of them is absorbed.
+void MarginalScope::drop_asked(const Graph& graph, std::int32_t at) {
+  if (variables_[at].role != Role::dropped) return;
+  ++dropped_variables;
+  drop(graph, at);
+  for_each_landmark(graph, at, [&](std::uint32_t pool, std::uint32_t dense) {
+    if (!is_orphan(graph, {graph.pools()[pool]->ops().key, graph.pools()[pool]->slots().key(dense)})) return;
+    variables_[add(graph, pool, dense)].role = Role::dropped;
+    ++dropped_landmarks;
+  });
+}
+
+// Whether all its factors are claimed, and no prior knows it.
+bool MarginalScope::is_orphan(const Graph& graph, VariableKey id) const {
+  bool orphan = true;
+  graph.for_each_factor(id, [&](std::uint32_t table, std::uint32_t row) {
+    orphan = orphan && table != Graph::kPriorTable && row_stamps_[table][row] == stamp_;
+  });
+  return orphan;
+}
+
+// f(pool, dense position) for the landmarks, neither fixed nor known yet, that factors of a variable touch.
+template <class F>
+void MarginalScope::for_each_landmark(const Graph& graph, std::int32_t at, F&& f) const {
   const VariableKey id = variables_[at].id;
   graph.for_each_factor(id, [&](std::uint32_t table, std::uint32_t row) {
     if (table == Graph::kPriorTable) return;
@@ -95,8 +141,14 @@ void MarginalScope::judge_landmarks(const Graph& graph, std::int32_t at, Landmar
       const VariablePool& pool = *graph.pools()[ref.pool];
       const std::uint32_t dense = pool.slots().dense(ref.slot);
       if (!pool.ops().landmark || pool.fixed(dense) || find(ref.pool, dense) >= 0) continue;
-      judge_landmark(graph, add(graph, ref.pool, dense), policy);
+      f(ref.pool, dense);
     }
+  });
+}
+
+void MarginalScope::judge_landmarks(const Graph& graph, std::int32_t at, LandmarkPolicy policy) {
+  for_each_landmark(graph, at, [&](std::uint32_t pool, std::uint32_t dense) {
+    judge_landmark(graph, add(graph, pool, dense), policy);
   });
 }
 
@@ -110,6 +162,7 @@ void MarginalScope::judge_landmark(const Graph& graph, std::int32_t at, Landmark
     variables_[at].role = Role::leaving;
     ++closed_landmarks;
   } else {
+    ++dropped_landmarks;
     drop(graph, at);
   }
 }
@@ -120,7 +173,7 @@ bool MarginalScope::seen_by_leaving_alone(const Graph& graph, std::int32_t at) c
     const VariablePool& pool = *graph.pools()[ref.pool];
     if (pool.ops().dim == 0) return;
     const std::int32_t other = find(ref.pool, pool.slots().dense(ref.slot));
-    alone = alone && (other == at || (other >= 0 && other < asked_));
+    alone = alone && (other == at || (other >= 0 && other < asked_ && variables_[other].role != Role::staying));
   };
   graph.for_each_factor(variables_[at].id, [&](std::uint32_t table, std::uint32_t row) {
     const auto refs =
@@ -132,7 +185,6 @@ bool MarginalScope::seen_by_leaving_alone(const Graph& graph, std::int32_t at) c
 
 // Its factors are claimed, so that nobody absorbs them. What an absorbed prior says of it is marginalized, not lost.
 void MarginalScope::drop(const Graph& graph, std::int32_t at) {
-  ++dropped_landmarks;
   variables_[at].role = Role::dropped;
   graph.for_each_factor(variables_[at].id, [&](std::uint32_t table, std::uint32_t row) {
     if (table == Graph::kPriorTable)
@@ -181,171 +233,6 @@ void MarginalScope::absorb_prior(const Graph& graph, std::uint32_t row) {
   p.arguments = add_all(graph, graph.priors().variables(row));
   for (const std::int32_t at : arguments(p.arguments)) variables_[at].in_prior = true;
   priors_.push_back(p);
-}
-
-void MarginalScope::rank_types(const Graph& graph) {
-  auto rank = [this](std::size_t n, std::vector<std::uint32_t>& ranks, auto less) {
-    types_.resize(n);
-    for (std::uint32_t i = 0; i < n; ++i) types_[i] = i;
-    std::sort(types_.begin(), types_.end(), less);
-    ranks.resize(n);
-    for (std::uint32_t i = 0; i < n; ++i) ranks[types_[i]] = i;
-  };
-  const auto& pools = graph.pools();
-  rank(pools.size(), pool_rank_, [&](auto a, auto b) { return pools[a]->ops().name < pools[b]->ops().name; });
-  const auto& tables = graph.tables();
-  rank(tables.size(), table_rank_, [&](auto a, auto b) {
-    const FactorOps &x = tables[a]->ops(), &y = tables[b]->ops();
-    return x.residual != y.residual ? x.residual < y.residual : x.noise < y.noise;
-  });
-}
-
-// Dense positions are in the order of serials.
-void MarginalScope::sort_variables() {
-  std::sort(variables_.begin(), variables_.end(), [this](const MarginalVariable& a, const MarginalVariable& b) {
-    return a.pool != b.pool ? pool_rank_[a.pool] < pool_rank_[b.pool] : a.dense < b.dense;
-  });
-  for (std::size_t i = 0; i < variables_.size(); ++i)
-    marks_[variables_[i].pool][variables_[i].dense].at = static_cast<std::int32_t>(i);
-  parent_.resize(variables_.size());  // scratch: from old places to new ones
-  for (std::size_t i = 0; i < variables_.size(); ++i) parent_[variables_[i].found] = static_cast<std::int32_t>(i);
-  for (std::int32_t& at : arguments_) at = parent_[at];
-}
-
-// A landmark is eliminated on its own if no prior ties it to others; of landmarks that share a factor, the first one.
-void MarginalScope::choose_landmarks() {
-  parent_.resize(variables_.size());  // scratch: who could be eliminated
-  for (std::size_t i = 0; i < variables_.size(); ++i) {
-    MarginalVariable& v = variables_[i];
-    v.eliminated = v.landmark && v.role == Role::leaving && !v.in_prior && !v.fixed && v.dim <= 3;
-    parent_[i] = v.eliminated;
-  }
-  for (const MarginalRow& r : rows_) {
-    auto first = static_cast<std::int32_t>(variables_.size());
-    for (const std::int32_t at : arguments(r.arguments))
-      if (parent_[at]) first = std::min(first, at);
-    for (const std::int32_t at : arguments(r.arguments))
-      if (at > first) variables_[at].eliminated = false;
-  }
-  for (const MarginalRow& r : rows_) {
-    bool landmark = false;
-    for (const std::int32_t at : arguments(r.arguments)) landmark = landmark || variables_[at].eliminated;
-    if (!landmark) continue;
-    for (const std::int32_t at : arguments(r.arguments)) variables_[at].seen = true;
-  }
-}
-
-std::int32_t MarginalScope::root(std::int32_t v) {
-  while (parent_[v] != v) v = parent_[v] = parent_[parent_[v]];
-  return v;
-}
-
-void MarginalScope::connect(std::int32_t a, std::int32_t b) {
-  const std::int32_t x = root(a), y = root(b);
-  parent_[std::max(x, y)] = std::min(x, y);
-}
-
-void MarginalScope::find_components() {
-  parent_.resize(variables_.size());
-  for (std::size_t i = 0; i < parent_.size(); ++i) parent_[i] = static_cast<std::int32_t>(i);
-  auto first_of = [&](MarginalArguments list) {
-    std::int32_t first = -1;
-    for (const std::int32_t at : arguments(list)) {
-      if (!variables_[at].has_columns()) continue;
-      if (first < 0) first = at;
-      connect(first, at);
-    }
-    return first;
-  };
-  for (MarginalRow& r : rows_) r.component = first_of(r.arguments);
-  for (MarginalPrior& p : priors_) p.component = first_of(p.arguments);
-  for (std::size_t i = 0; i < variables_.size(); ++i) {
-    MarginalVariable& v = variables_[i];
-    if (!v.has_columns()) continue;
-    const std::int32_t top = root(static_cast<std::int32_t>(i));  // never after i: it has its number
-    if (top == static_cast<std::int32_t>(i)) {
-      v.component = static_cast<std::int32_t>(components_.size());
-      components_.emplace_back();
-    } else {
-      v.component = variables_[top].component;
-    }
-  }
-  for (MarginalRow& r : rows_) r.component = r.component < 0 ? -1 : variables_[r.component].component;
-  for (MarginalPrior& p : priors_) p.component = p.component < 0 ? -1 : variables_[p.component].component;
-}
-
-// Columns: leaving variables first; those that see eliminated landmarks stand together, leaving or not, so that what
-// the landmarks take away is one contiguous square.
-void MarginalScope::place_columns() {
-  keys_.clear();
-  for (std::size_t i = 0; i < variables_.size(); ++i) {
-    const MarginalVariable& v = variables_[i];
-    if (!v.has_columns()) continue;
-    const std::uint64_t kind = v.eliminated ? 0 : v.role == Role::leaving ? 1 + v.seen : 4 - v.seen;
-    keys_.push_back((static_cast<std::uint64_t>(v.component) << 40) | (kind << 32) | i);
-  }
-  std::sort(keys_.begin(), keys_.end());
-  int slot = 0, chunk_column = 0;
-  for (const std::uint64_t key : keys_) {
-    const auto i = static_cast<std::uint32_t>(key);
-    MarginalVariable& v = variables_[i];
-    MarginalComponent& c = components_[v.component];
-    if (c.variables_end == 0) c.variables_begin = static_cast<std::uint32_t>(ordered_.size()), slot = 0;
-    ordered_.push_back(i);
-    c.variables_end = static_cast<std::uint32_t>(ordered_.size());
-    if (v.eliminated) {
-      if (slot % kChunk == 0) chunk_column = 0;
-      v.column = c.landmark_dim;
-      v.chunk = slot / kChunk, v.chunk_slot = slot % kChunk, v.chunk_column = chunk_column;
-      ++slot, c.landmark_dim += v.dim, chunk_column += v.dim;
-      continue;
-    }
-    v.column = c.dim();
-    (v.role == Role::leaving ? c.leaving_dim : c.staying_dim) += v.dim;
-    if (!v.seen) continue;
-    if (c.seen_end == 0) c.seen_begin = v.column;
-    c.seen_end = c.dim();
-  }
-}
-
-// By component, chunk of landmarks and table; rows of a table that touch the same variables, landmarks apart, follow
-// each other.
-void MarginalScope::sort_rows() {
-  std::erase_if(rows_, [](const MarginalRow& r) { return r.component < 0; });  // all it touches is known
-  for (MarginalRow& r : rows_) {
-    std::uint64_t pair = 0;
-    r.chunk = 0;
-    for (const std::int32_t at : arguments(r.arguments)) {
-      if (variables_[at].eliminated)
-        r.chunk = variables_[at].chunk;
-      else if (pair < (1u << 16))
-        pair = (pair << 16) | ((static_cast<std::uint64_t>(at) + 1) & 0xffffu);
-    }
-    r.major = (static_cast<std::uint64_t>(r.component) << 40) | (static_cast<std::uint64_t>(r.chunk) << 16) |
-              table_rank_[r.table];
-    r.minor = (pair << 32) | r.row;
-  }
-  std::sort(rows_.begin(), rows_.end(), [](const MarginalRow& a, const MarginalRow& b) {
-    return a.major != b.major ? a.major < b.major : a.minor < b.minor;
-  });
-  std::erase_if(priors_, [](const MarginalPrior& p) { return p.component < 0; });
-  std::sort(priors_.begin(), priors_.end(), [](const MarginalPrior& a, const MarginalPrior& b) {
-    return a.component != b.component ? a.component < b.component : a.row < b.row;
-  });
-  slice_components();
-}
-
-void MarginalScope::slice_components() {
-  for (std::uint32_t i = 0; i < rows_.size(); ++i) {
-    MarginalComponent& c = components_[rows_[i].component];
-    if (c.rows_end == 0) c.rows_begin = i;
-    c.rows_end = i + 1;
-  }
-  for (std::uint32_t i = 0; i < priors_.size(); ++i) {
-    MarginalComponent& c = components_[priors_[i].component];
-    if (c.priors_end == 0) c.priors_begin = i;
-    c.priors_end = i + 1;
-  }
 }
 
 }  // namespace oriel

@@ -18,6 +18,37 @@ enum class LandmarkPolicy {
   drop,   // it leaves with its factors, which are not absorbed
 };
 
+// What becomes of a variable that is asked to leave, by type.
+enum class Departure : std::uint8_t {
+  marginalize,  // it leaves; what its factors say about the rest is kept
+  condition,    // it leaves, and is taken as known at its value: what its factors say about the rest given that
+  fix,          // it stays, fixed at its value; what leaves beside it takes it as known
+  drop,         // it leaves with its factors, which are not absorbed; what a prior says of it is marginalized
+};
+
+// What a variable of some type that stays keeps of a new prior.
+enum class Tie : std::uint8_t {
+  all,   // all of it
+  own,   // its own marginal, no correlation with the rest: variances as they were, but not conservative
+  none,  // nothing: it is marginalized out of the prior, so what is left says less, never more
+};
+
+struct TypePolicy {
+  std::uint64_t type = 0;  // key of the variables' type
+  Departure departure = Departure::marginalize;
+  Tie tie = Tie::all;
+};
+// That of a type; the default where it is not in the list.
+inline TypePolicy policy_of(std::span<const TypePolicy> types, std::uint64_t type) {
+  for (const TypePolicy& p : types)
+    if (p.type == type) return p;
+  return {};
+}
+template <Variable V>
+constexpr TypePolicy policy_for(Departure departure, Tie tie = Tie::all) {
+  return {kVariableOps<V>.key, departure, tie};
+}
+
 // A variable that leaves, or that a used-up factor touches.
 struct MarginalVariable {
   enum class Role : std::uint8_t { staying, leaving, dropped };
@@ -26,6 +57,7 @@ struct MarginalVariable {
   int dim = 0;
   Role role = Role::staying;
   bool fixed = false;       // known: no columns, its value is taken as it is
+  bool held = false;        // to be fixed from now on
   bool landmark = false;    // by type
   bool in_prior = false;    // an absorbed prior has columns of it
   bool eliminated = false;  // a leaving landmark that is eliminated on its own, before the rest
@@ -66,12 +98,20 @@ struct MarginalComponent {
   int dim() const { return leaving_dim + staying_dim; }
 };
 
+// A live row of a table, or of the priors (table: Graph::kPriorTable).
+struct AbsorbedFactor {
+  std::uint32_t table = 0, row = 0;
+};
+
 class MarginalScope {
  public:
   static constexpr int kChunk = 64;  // landmarks that are eliminated together
 
   // Refused, with the variable named: an unknown or stale id, the same twice, a constant. The graph is not changed.
-  Result<void> collect(const Graph& graph, std::span<const VariableKey> leaving, LandmarkPolicy policy);
+  Result<void> collect(const Graph& graph, std::span<const VariableKey> leaving, LandmarkPolicy policy,
+                       std::span<const TypePolicy> types = {});
+  // Nothing leaves but these factors, live rows of tables, and priors: one component, unless all they touch is known.
+  void collect_factors(const Graph& graph, std::span<const AbsorbedFactor> factors);
 
   const std::vector<MarginalVariable>& variables() const { return variables_; }
   const std::vector<MarginalRow>& rows() const { return rows_; }
@@ -83,6 +123,7 @@ class MarginalScope {
     return {arguments_.data() + list.first, list.count};
   }
 
+  int dropped_variables = 0;  // by Departure::drop
   int closed_landmarks = 0, leaving_landmarks = 0, kept_landmarks = 0, dropped_landmarks = 0, dropped_factors = 0;
 
  private:
@@ -94,11 +135,16 @@ class MarginalScope {
   // Place in variables(), or -1.
   std::int32_t find(std::uint32_t pool, std::uint32_t dense) const;
   MarginalArguments add_all(const Graph& graph, std::span<const VariableRef> refs);
-  Result<void> add_leaving(const Graph& graph, VariableKey id);
+  Result<void> add_leaving(const Graph& graph, VariableKey id, std::span<const TypePolicy> types);
+  void drop_asked(const Graph& graph, std::int32_t at);
+  void arrange(const Graph& graph);
   std::int32_t add(const Graph& graph, std::uint32_t pool, std::uint32_t dense);
   void judge_landmarks(const Graph& graph, std::int32_t at, LandmarkPolicy policy);
+  template <class F>
+  void for_each_landmark(const Graph& graph, std::int32_t at, F&& f) const;
   void judge_landmark(const Graph& graph, std::int32_t at, LandmarkPolicy policy);
   bool seen_by_leaving_alone(const Graph& graph, std::int32_t at) const;
+  bool is_orphan(const Graph& graph, VariableKey id) const;
   void drop(const Graph& graph, std::int32_t at);
   bool claim(std::vector<std::uint32_t>& stamps, std::uint32_t row);
   void absorb_factors(const Graph& graph, std::int32_t at);

@@ -23,16 +23,19 @@ void clear_lane(Batch& batch, int l) {
 Result<MarginalizeReport> Marginalizer::marginalize(Graph& graph, std::span<const VariableKey> leaving,
                                                     const MarginalizeOptions& options, GraphEdit& edit) {
   edit.clear();
-  if (auto ok = scope_.collect(graph, leaving, options.landmarks); !ok) return ok.error();
+  if (auto ok = scope_.collect(graph, leaving, options.landmarks, options.types); !ok) return ok.error();
   MarginalizeReport report;
   report.closed_landmarks = scope_.closed_landmarks;
   report.dropped_landmarks = scope_.dropped_landmarks;
   report.kept_landmarks = scope_.kept_landmarks;
   report.leaving_landmarks = scope_.leaving_landmarks;
   report.dropped_with_landmarks = scope_.dropped_factors;
+  report.dropped_variables = scope_.dropped_variables;
   edit.require_version(graph.version());
-  for (const MarginalVariable& v : scope_.variables())
+  for (const MarginalVariable& v : scope_.variables()) {
     if (v.role != MarginalVariable::Role::staying) edit.remove(v.id);
+    if (v.held) edit.fix(v.id);
+  }
   for (const MarginalPrior& p : scope_.priors())
     edit.remove(FactorId{PriorTable::kKey, graph.priors().slots().key(p.row)});
   for (const MarginalComponent& component : scope_.components()) {
@@ -48,7 +51,7 @@ Result<MarginalizeReport> Marginalizer::marginalize(Graph& graph, std::span<cons
                        (names.empty() ? "scalar " + std::to_string(first.tangent) : std::string(names[first.tangent])) +
                        " of " + graph.describe(first.id)};
     }
-    write_prior(graph, component, options.first_estimates, edit, report);
+    write_priors(graph, component, options, edit, report);
   }
   return report;
 }
@@ -172,20 +175,65 @@ bool Marginalizer::shift(const Graph& graph, const MarginalVariable& v, bool fir
   return true;
 }
 
+// Which staying columns stay tied (tied_) and which get a prior of their own (own_); false if all are tied.
+bool Marginalizer::mark_untied(const MarginalComponent& component, std::span<const TypePolicy> types,
+                               MarginalizeReport& report) {
+  tied_.assign(static_cast<std::size_t>(root_.cols), 1);
+  own_.assign(static_cast<std::size_t>(root_.cols), 0);
+  int touched = 0, untied = 0;
+  for (std::uint32_t o = component.variables_begin; o < component.variables_end; ++o) {
+    const MarginalVariable& v = scope_.variables()[scope_.ordered()[o]];
+    if (v.eliminated || v.role != MarginalVariable::Role::staying) continue;
+    const auto column = static_cast<std::ptrdiff_t>(v.column - component.leaving_dim);
+    const double* const R = root_.R.data() + column * root_.rows;
+    if (std::all_of(R, R + static_cast<std::ptrdiff_t>(v.dim) * root_.rows, [](double x) { return x == 0.0; }))
+      continue;
+    ++touched;
+    const Tie tie = policy_of(types, v.id.type).tie;
+    if (tie == Tie::all) continue;
+    std::fill_n(tied_.begin() + column, v.dim, 0);
+    std::fill_n(own_.begin() + column, v.dim, tie == Tie::own);
+    ++untied;
+  }
+  report.dropped_ties += untied * (touched - untied) + untied * (untied - 1) / 2;
+  return untied > 0;
+}
+
+void Marginalizer::write_priors(const Graph& graph, const MarginalComponent& component,
+                                const MarginalizeOptions& options, GraphEdit& edit, MarginalizeReport& report) {
+  const bool all_tied =
+      std::all_of(options.types.begin(), options.types.end(), [](const TypePolicy& p) { return p.tie == Tie::all; });
+  if (all_tied || !mark_untied(component, options.types, report))
+    return write_prior(graph, component, root_, options.first_estimates, edit, report);
+  auto write = [&](const std::vector<char>& columns) {
+    marginal_(root_, columns, part_);
+    write_prior(graph, component, part_, options.first_estimates, edit, report);
+  };
+  write(tied_);
+  for (std::uint32_t o = component.variables_begin; o < component.variables_end; ++o) {
+    const MarginalVariable& v = scope_.variables()[scope_.ordered()[o]];
+    const int column = v.column - component.leaving_dim;
+    if (v.eliminated || v.role != MarginalVariable::Role::staying || own_[column] == 0) continue;
+    tied_.assign(tied_.size(), 0);
+    std::fill_n(tied_.begin() + column, v.dim, 1);
+    write(tied_);
+  }
+}
+
 // The columns that say nothing are left out: a variable that no valid factor tied to the others is not in the prior.
-void Marginalizer::write_prior(const Graph& graph, const MarginalComponent& component, bool first_estimates,
-                               GraphEdit& edit, MarginalizeReport& report) {
-  const auto rows = static_cast<std::size_t>(root_.rows);
+void Marginalizer::write_prior(const Graph& graph, const MarginalComponent& component, const SquareRootRows& root,
+                               bool first_estimates, GraphEdit& edit, MarginalizeReport& report) {
+  const auto rows = static_cast<std::size_t>(root.rows);
   if (rows == 0) return;
   prior_.variables.clear();
   prior_.estimates.clear();
   prior_.R.clear();
-  prior_.d.assign(root_.d.begin(), root_.d.end());
-  prior_.rows = root_.rows, prior_.cols = 0;
+  prior_.d.assign(root.d.begin(), root.d.end());
+  prior_.rows = root.rows, prior_.cols = 0;
   for (std::uint32_t o = component.variables_begin; o < component.variables_end; ++o) {
     const MarginalVariable& v = scope_.variables()[scope_.ordered()[o]];
     if (v.eliminated || v.role != MarginalVariable::Role::staying) continue;
-    const double* const R = root_.R.data() + rows * static_cast<std::size_t>(v.column - component.leaving_dim);
+    const double* const R = root.R.data() + rows * static_cast<std::size_t>(v.column - component.leaving_dim);
     const std::size_t size = rows * static_cast<std::size_t>(v.dim);
     if (std::all_of(R, R + size, [](double x) { return x == 0.0; })) continue;
     prior_.variables.push_back(v.id);

@@ -22,6 +22,7 @@
 #include "oriel/window/information_sum.h"
 #include "oriel/window/marginal_scope.h"
 #include "oriel/window/stacked_rows.h"
+#include "oriel/window/untie.h"
 
 namespace oriel {
 
@@ -35,13 +36,18 @@ struct MarginalizeOptions {
   // A leaving scalar that no factor determines: an error that names it, or what the rest says is kept without it.
   bool fail_if_undetermined = false;
   SquareRootMethod method = SquareRootMethod::automatic;
+  // By type: what becomes of a variable that is asked to leave, and which of those that stay a new prior may tie to
+  // others. Types that are not named are marginalized, and tied. The list is the caller's.
+  std::span<const TypePolicy> types = {};
 };
 
 struct MarginalizeReport {
   int absorbed_factors = 0, absorbed_priors = 0;
   int dropped_invalid = 0;         // factors that are not valid at the values, or not finite
   int dropped_outliers = 0;        // above the outlier threshold
-  int dropped_with_landmarks = 0;  // factors of dropped landmarks
+  int dropped_with_landmarks = 0;  // factors of dropped landmarks and variables
+  int dropped_variables = 0;       // by Departure::drop
+  int dropped_ties = 0;            // pairs of variables that a new prior would have tied, but for TypePolicy::tie
   // Landmarks that leaving and staying variables see, by policy; and those that leaving ones see alone.
   int closed_landmarks = 0, dropped_landmarks = 0, kept_landmarks = 0, leaving_landmarks = 0;
   int priors = 0, prior_rows = 0, prior_cols = 0;  // what is new
@@ -58,7 +64,25 @@ class Marginalizer {
   Result<MarginalizeReport> marginalize(Graph& graph, std::span<const VariableKey> leaving,
                                         const MarginalizeOptions& options, GraphEdit& edit);
 
+  // The same for factors alone: they leave, all variables stay, and the linearization of each joins the prior that
+  // knows all its variables, or becomes one, together with those on the same variables. A prior may be named too: it
+  // joins a larger one. Nothing is tied that was not. Errors: stale_id, duplicate; then `edit` is empty.
+  Result<MarginalizeReport> absorb(Graph& graph, std::span<const FactorId> factors, const MarginalizeOptions& options,
+                                   GraphEdit& edit);
+
  private:
+  // A factor to absorb, and the prior that it joins, or none.
+  struct Guest {
+    static constexpr std::uint32_t kNoHost = 0xffffffffu;
+    std::uint32_t host = kNoHost;
+    std::uint32_t first = 0, count = 0;  // in guest_variables_, sorted
+    AbsorbedFactor factor;
+  };
+  Result<void> invite(const Graph& graph, std::span<const FactorId> factors);
+  std::uint32_t find_host(const Graph& graph, const Guest& guest) const;
+  std::span<const std::uint64_t> variables_of(const Guest& guest) const {
+    return {guest_variables_.data() + guest.first, guest.count};
+  }
   bool choose_qr(const Graph& graph, const MarginalComponent& component, const MarginalizeOptions& options);
   void absorb(const Graph& graph, const MarginalComponent& component, const MarginalizeOptions& options,
               MarginalizeReport& report);
@@ -66,8 +90,11 @@ class Marginalizer {
                 MarginalizeReport& report);
   void judge(const FactorTable& table, Batch& batch, const MarginalizeOptions& options, MarginalizeReport& report);
   void absorb_prior(const Graph& graph, const MarginalPrior& prior, MarginalizeReport& report);
-  void write_prior(const Graph& graph, const MarginalComponent& component, bool first_estimates, GraphEdit& edit,
-                   MarginalizeReport& report);
+  void write_priors(const Graph& graph, const MarginalComponent& component, const MarginalizeOptions& options,
+                    GraphEdit& edit, MarginalizeReport& report);
+  bool mark_untied(const MarginalComponent& component, std::span<const TypePolicy> types, MarginalizeReport& report);
+  void write_prior(const Graph& graph, const MarginalComponent& component, const SquareRootRows& root,
+                   bool first_estimates, GraphEdit& edit, MarginalizeReport& report);
   bool shift(const Graph& graph, const MarginalVariable& variable, bool first_estimates);
 
   MarginalScope scope_;
@@ -75,13 +102,18 @@ class Marginalizer {
   StackedRows stack_;
   bool use_qr_ = false;
   int stacked_rows_ = 0;
-  SquareRootRows root_;
+  SquareRootRows root_, part_;
+  PriorMarginal marginal_;
+  std::vector<char> tied_, own_;
   LinearPrior prior_;
   AlignedBuffer r_, j_;
   AbsorbedBatch batch_;
   std::vector<std::uint32_t> table_rows_;
   std::vector<double> error_, residual_;
   std::vector<std::int32_t> targets_;
+  std::vector<Guest> guests_;
+  std::vector<std::uint64_t> guest_variables_;
+  std::vector<AbsorbedFactor> group_;
 };
 
 }  // namespace oriel

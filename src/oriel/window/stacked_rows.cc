@@ -1,9 +1,8 @@
 #include "oriel/window/stacked_rows.h"
 
 #include <algorithm>
-#include <cmath>
 
-#include "oriel/linear/dot.h"
+#include "oriel/window/echelon.h"
 
 namespace oriel {
 
@@ -44,53 +43,34 @@ void StackedRows::add(const AbsorbedPrior& p) {
   rows_ += p.rows;
 }
 
-// Golub & Van Loan, Matrix Computations, algorithm 5.1.1, without pivoting: a column without a pivot takes no row, so
-// what it says about later columns stays.
-int StackedRows::reduce(int from, int to, int used) {
-  const int right = component_->landmark_dim + component_->dim();
-  for (int c = from; c < to; ++c) {
-    double* const v = column(c);
-    const double whole = std::sqrt(dot(v, v, rows_)), norm = std::sqrt(dot(v + used, v + used, rows_ - used));
-    if (!(norm > kNegligible * whole)) {
-      empty_[c] = 1;
-      std::fill(v + used, v + rows_, 0.0);
-      continue;
-    }
-    const double beta = v[used] > 0.0 ? -norm : norm, v0 = v[used] - beta, scale = 1.0 / (beta * v0);
-    v[used] = v0;
-    for (int j = c + 1; j <= right; ++j) {
-      double* const x = column(j) + used;
-      const double s = scale * dot(v + used, x, rows_ - used);
-      if (s == 0.0) continue;
-      for (int i = 0; i < rows_ - used; ++i) x[i] += s * v[used + i];
-    }
-    v[used] = beta;
-    std::fill(v + used + 1, v + rows_, 0.0);
-    if (++used == rows_) {
-      std::fill(empty_.begin() + c + 1, empty_.begin() + to, 1);
-      break;
-    }
-  }
-  return used;
+void StackedRows::copy_rows(int first_row, int rows, int first_column, int columns, std::vector<double>& R,
+                            std::vector<double>& d) const {
+  R.resize(static_cast<std::size_t>(rows) * columns);
+  for (int c = 0; c < columns; ++c)
+    std::copy_n(column(first_column + c) + first_row, rows, R.begin() + static_cast<std::ptrdiff_t>(c) * rows);
+  const double* const right = column(component_->landmark_dim + component_->dim()) + first_row;
+  d.assign(right, right + rows);
 }
 
 void StackedRows::finish(SquareRootRows& out) {
-  const int first = component_->landmark_dim + component_->leaving_dim, right = first + component_->staying_dim;
-  const int used = reduce(0, first, 0);
-  const int rank = used < rows_ ? reduce(first, right, used) - used : 0;
+  const int landmarks = component_->landmark_dim, staying = landmarks + component_->leaving_dim;
+  const int right = staying + component_->staying_dim;
+  const StackedColumns a{a_.data(), static_cast<std::size_t>(capacity_), rows_};
+  const int first = reduce_to_echelon(a, 0, landmarks, right + 1, 0, empty_.data());
+  const int used = reduce_to_echelon(a, landmarks, staying, right + 1, first, empty_.data());
+  const int rank = reduce_to_echelon(a, staying, right, right + 1, used, empty_.data()) - used;
   out.undetermined.clear();
   for (std::uint32_t o = component_->variables_begin; o < component_->variables_end; ++o) {
     const MarginalVariable& v = scope_->variables()[scope_->ordered()[o]];
     if (!v.eliminated && v.column >= component_->leaving_dim) break;
-    const int column = (v.eliminated ? 0 : component_->landmark_dim) + v.column;
+    const int column = (v.eliminated ? 0 : landmarks) + v.column;
     for (int i = 0; i < v.dim; ++i)
       if (empty_[column + i]) out.undetermined.push_back({scope_->ordered()[o], i});
   }
   out.rows = rank, out.cols = component_->staying_dim;
-  out.R.resize(static_cast<std::size_t>(rank) * out.cols);
-  for (int c = 0; c < out.cols; ++c)
-    std::copy_n(column(first + c) + used, rank, out.R.begin() + static_cast<std::ptrdiff_t>(c) * rank);
-  out.d.assign(column(right) + used, column(right) + used + rank);
+  copy_rows(used, rank, staying, out.cols, out.R, out.d);
+  out.conditional_rows = out.keep_conditional ? used - first : 0;
+  copy_rows(first, out.conditional_rows, landmarks, component_->dim(), out.conditional_R, out.conditional_d);
 }
 
 }  // namespace oriel

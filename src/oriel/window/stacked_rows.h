@@ -9,9 +9,6 @@ namespace oriel {
 
 class StackedRows {
  public:
-  // What is left of a column, against all of it, is rounding error at this ratio: nothing determines it.
-  static constexpr double kNegligible = 1e-13;
-
   void begin(const MarginalScope& scope, const MarginalComponent& component, int rows);
   void add(const AbsorbedBatch& batch);
   void add(const AbsorbedPrior& prior);
@@ -19,8 +16,9 @@ class StackedRows {
 
  private:
   double* column(int c) { return a_.data() + static_cast<std::size_t>(c) * capacity_; }
-  // Columns [from, to), using rows from `used` on; which columns got no row. Returns the rows used.
-  int reduce(int from, int to, int used);
+  const double* column(int c) const { return a_.data() + static_cast<std::size_t>(c) * capacity_; }
+  void copy_rows(int first_row, int rows, int first_column, int columns, std::vector<double>& R,
+                 std::vector<double>& d) const;
 
   const MarginalScope* scope_ = nullptr;
   const MarginalComponent* component_ = nullptr;

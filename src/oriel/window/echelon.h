@@ -1,0 +1,23 @@
+// Householder reflections of stacked rows to echelon form: what QR marginalization, untying and the late ledger share.
+#pragma once
+#include <cstddef>
+
+namespace oriel {
+
+// Columns stand `stride` apart; `rows` of each are in use.
+struct StackedColumns {
+  double* data = nullptr;
+  std::size_t stride = 0;
+  int rows = 0;
+  double* column(int c) const { return data + static_cast<std::size_t>(c) * stride; }
+};
+
+// What is left of a column, against all of it, is rounding error at this ratio: nothing determines it.
+inline constexpr double kNegligibleColumn = 1e-13;
+
+// Brings columns [from, to) to echelon form, by reflections of the rows from `used` on that are applied to all columns
+// up to `end`. A column without a pivot takes no row, so what it says about later columns stays; empty[c] tells it.
+// Returns the rows used. Golub & Van Loan, Matrix Computations, algorithm 5.1.1, without pivoting.
+int reduce_to_echelon(const StackedColumns& a, int from, int to, int end, int used, char* empty);
+
+}  // namespace oriel
