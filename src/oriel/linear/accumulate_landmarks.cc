@@ -51,31 +51,14 @@ constexpr std::array<std::array<Kernel, kKernelDims>, kLargestLandmarkDim> kKern
                                                                                        kernels_of<3>()};
 Kernel find_kernel(int da, int db) { return kernel_index(da) < 0 ? nullptr : kKernels[db - 1][kernel_index(da)]; }
 
-// to += from, D values: whole vectors first.
-template <int D>
-void add(double* to, const double* from) {
-  using V4 = double __attribute__((vector_size(32)));
-  using V2 = double __attribute__((vector_size(16)));
-  auto piece = [&]<class V>(V, int at) {
-    V x, y;
-    std::memcpy(&x, to + at, sizeof(V));
-    std::memcpy(&y, from + at, sizeof(V));
-    x += y;
-    std::memcpy(to + at, &x, sizeof(V));
-  };
-  if constexpr (D >= 8) piece(V8{}, 0);
-  if constexpr (D % 8 >= 4) piece(V4{}, D / 8 * 8);
-  if constexpr (D % 4 >= 2) piece(V2{}, D / 4 * 4);
-  if constexpr (D % 2 == 1) to[D - 1] += from[D - 1];
-}
 void add_any(double* to, const double* from, int dim) {
   switch (dim) {
     case 3:
-      return add<3>(to, from);
+      return lanes::add<3>(to, from);
     case 6:
-      return add<6>(to, from);
+      return lanes::add<6>(to, from);
     case 9:
-      return add<9>(to, from);
+      return lanes::add<9>(to, from);
     default:
       for (int i = 0; i < dim; ++i) to[i] += from[i];
   }

@@ -10,128 +10,142 @@
 namespace oriel {
 namespace {
 
-using lanes::kLanes, lanes::kStride, lanes::load, lanes::store, lanes::turn, lanes::V8;
+using lanes::kLanes, lanes::kStride, lanes::load, lanes::store, lanes::V8;
 
 constexpr int kRegisters = 24;  // running sums at once
+constexpr int kMostColumns = 4;
 
-// Σ over rows and lanes of A_i B_c for columns [0, N) of B: DA × N sums, column by column. `count` lanes, a multiple of
-// eight; the sums over the eight lanes are made at the end, in pairs.
+// Columns of an argument against others: each of these, times all of the argument's columns, is a column of sums.
+struct Column {
+  const double* from;
+  double* to;      // DA values, one after the other; null: not wanted
+  double* turned;  // DA values, `ld` apart; null: not wanted
+  std::int64_t ld;
+  int first;  // the sums before this one are not wanted
+};
+
+// Sums over rows and lanes of a_i b_c, for DA columns a and N columns b; `count` lanes, a multiple of eight. Sums of
+// the lanes are made at the end, in registers.
 template <int DA, int N>
-void sum_columns(const double* a, const double* b, int dim, int count, double* out) {
-  constexpr int kSums = DA * N, kPadded = (kSums + 7) / 8 * 8;
-  V8 s[kPadded] = {};
+void sum_columns(const double* a, const Column* b, int dim, int count) {
+  V8 s[N][DA] = {};
   for (int g = 0; g < count; g += kLanes)
     for (int r = 0; r < dim; ++r) {
       V8 x[DA];
 #pragma GCC unroll 9
       for (int i = 0; i < DA; ++i) x[i] = load(a + (i * dim + r) * kStride + g);
-#pragma GCC unroll 8
+#pragma GCC unroll 4
       for (int c = 0; c < N; ++c) {
-        const V8 y = load(b + (c * dim + r) * kStride + g);
+        const V8 y = load(b[c].from + r * kStride + g);
 #pragma GCC unroll 9
-        for (int i = 0; i < DA; ++i) s[c * DA + i] += x[i] * y;
+        for (int i = 0; i < DA; ++i) s[c][i] += x[i] * y;
       }
     }
 #pragma GCC unroll 4
-  for (int e = 0; e < kPadded; e += 8) {
-    V8 t[8];
+  for (int c = 0; c < N; ++c) {
+    V8 t[8] = {};
+    constexpr int kHead = std::min(DA, 8);
 #pragma GCC unroll 8
-    for (int k = 0; k < 8; ++k) t[k] = s[e + k];
-    turn(t);
-    store(out + e, ((t[0] + t[1]) + (t[2] + t[3])) + ((t[4] + t[5]) + (t[6] + t[7])));
-  }
-}
-
-struct Product {
-  double entries[kLargestKernelDim * kLargestKernelDim + 8];
-};
-
-template <int DA, int DB>
-void run_kernel(const double* a, const double* b, int dim, int count, Product& out) {
-  constexpr int kWide = std::min(std::max(kRegisters / DA, 1), DB), kRest = DB % kWide;
-  int c = 0;
-  for (; c + kWide <= DB; c += kWide) {
-    double sums[(DA * kWide + 7) / 8 * 8];
-    sum_columns<DA, kWide>(a, b + c * dim * kStride, dim, count, sums);
-    std::copy_n(sums, DA * kWide, out.entries + c * DA);
-  }
-  if constexpr (kRest > 0) {
-    double sums[(DA * kRest + 7) / 8 * 8];
-    sum_columns<DA, kRest>(a, b + c * dim * kStride, dim, count, sums);
-    std::copy_n(sums, DA * kRest, out.entries + c * DA);
-  }
-}
-
-void run_fallback(int da, int db, const double* a, const double* b, int dim, int count, double* out) {
-  for (int c = 0; c < db; ++c)
-    for (int i = 0; i < da; ++i) {
-      double sum = 0.0;
-      for (int r = 0; r < dim; ++r)
-        for (int l = 0; l < count; ++l) sum += a[(i * dim + r) * kStride + l] * b[(c * dim + r) * kStride + l];
-      out[c * da + i] = sum;
+    for (int i = 0; i < kHead; ++i) t[i] = s[c][i];
+    const V8 sums = lanes::sum_each(t);
+    double last = 0.0;
+    if constexpr (DA == 9) {
+      const V8 t9[8] = {s[c][8]};
+      last = lanes::sum_each(t9)[0];
     }
+    if (b[c].to != nullptr && b[c].first == 0) {
+      lanes::add<kHead>(b[c].to, sums);
+      if constexpr (DA == 9) b[c].to[8] += last;
+    } else if (b[c].to != nullptr) {
+      for (int i = b[c].first; i < kHead; ++i) b[c].to[i] += sums[i];
+      if constexpr (DA == 9) b[c].to[8] += last;
+    }
+    if (b[c].turned != nullptr) {
+      for (int i = 0; i < kHead; ++i) b[c].turned[i * b[c].ld] += sums[i];
+      if constexpr (DA == 9) b[c].turned[8 * b[c].ld] += last;
+    }
+  }
 }
 
-using Kernel = void (*)(const double*, const double*, int, int, Product&);
+void sum_any(int da, const double* a, const Column& b, int dim, int count) {
+  for (int i = b.first; i < da; ++i) {
+    double sum = 0.0;
+    for (int r = 0; r < dim; ++r)
+      for (int l = 0; l < count; ++l) sum += a[(i * dim + r) * kStride + l] * b.from[r * kStride + l];
+    if (b.to != nullptr) b.to[i] += sum;
+    if (b.turned != nullptr) b.turned[i * b.ld] += sum;
+  }
+}
+
+using Kernel = void (*)(const double*, const Column*, int, int);
 template <int DA>
-constexpr std::array<Kernel, kKernelDims> kernels_of() {
-  return {&run_kernel<DA, 1>, &run_kernel<DA, 2>, &run_kernel<DA, 3>,
-          &run_kernel<DA, 6>, &run_kernel<DA, 7>, &run_kernel<DA, 9>};
+constexpr int kWidth = std::clamp(kRegisters / DA, 1, kMostColumns);
+template <int DA>
+constexpr std::array<Kernel, kMostColumns> kernels_of() {
+  return {&sum_columns<DA, 1>, &sum_columns<DA, std::min(2, kWidth<DA>)>, &sum_columns<DA, std::min(3, kWidth<DA>)>,
+          &sum_columns<DA, kWidth<DA>>};
 }
-constexpr std::array<std::array<Kernel, kKernelDims>, kKernelDims> kKernels = {
+constexpr std::array<std::array<Kernel, kMostColumns>, kKernelDims> kKernels = {
     kernels_of<1>(), kernels_of<2>(), kernels_of<3>(), kernels_of<6>(), kernels_of<7>(), kernels_of<9>()};
+constexpr int kWidths[kKernelDims] = {kWidth<1>, kWidth<2>, kWidth<3>, kWidth<6>, kWidth<7>, kWidth<9>};
 
-// Columns of one variable: blocks above the diagonal are not wanted. Six columns are two threes.
-void square_six(const double* a, int dim, int count, Product& out) {
-  double sums[24];
-  sum_columns<6, 3>(a, a, dim, count, sums);
-  std::copy_n(sums, 18, out.entries);
-  const double* b = a + 3 * dim * kStride;
-  sum_columns<3, 3>(b, b, dim, count, sums);
-  for (int c = 0; c < 3; ++c) std::copy_n(sums + 3 * c, 3, out.entries + 6 * (3 + c) + 3);
+// Adds DA × n sums, as many columns at once as registers hold.
+void sum(int da, const double* a, const Column* b, int n, int dim, int count, std::int64_t& fallbacks) {
+  const int index = kernel_index(da);
+  if (index < 0) ++fallbacks;
+  for (int c = 0; index < 0 && c < n; ++c) sum_any(da, a, b[c], dim, count);
+  for (int c = 0; index >= 0 && c < n;) {
+    const int wide = std::min(n - c, kWidths[index]);
+    kKernels[index][wide - 1](a, b + c, dim, count);
+    c += wide;
+  }
 }
 
-void multiply(int da, int db, const double* a, const double* b, int dim, int count, Product& out,
-              std::int64_t& fallbacks) {
-  if (a == b && da == 6) return square_six(a, dim, count, out);
-  const int x = kernel_index(da), y = kernel_index(db);
-  if (x >= 0 && y >= 0)
-    kKernels[x][y](a, b, dim, count, out);
-  else
-    run_fallback(da, db, a, b, dim, count, out.entries), ++fallbacks;
-}
+// One argument of a run: its gradient, its own block from the diagonal down, and its blocks with arguments before it.
+struct Argument {
+  static constexpr int kMost = (kMostLandmarkArguments - 1) * kLargestKernelDim + 1;
+  Column columns[kMost];
+  int n = 0, dim = 0;
 
-// Blocks on the diagonal are added from the diagonal down alone.
-void add(const Product& p, int da, int db, bool lower, const PairAddress& at, double* h) {
-  if (at.kind != PairAddress::Kind::transposed)
-    for (int c = 0; c < db; ++c)
-      for (int i = lower ? c : 0; i < da; ++i) h[at.offset + std::int64_t{c} * at.ld + i] += p.entries[c * da + i];
-  if (at.kind != PairAddress::Kind::stored)
-    for (int i = 0; i < da; ++i)
-      for (int c = 0; c < db; ++c) h[at.offset + std::int64_t{i} * at.ld + c] += p.entries[c * da + i];
-}
+  void add(const double* from, double* to, int first = 0) { columns[n++] = {from, to, nullptr, 0, first}; }
+  void add_block(const double* from, int rows, int db, const PairAddress& at, double* h) {
+    for (int c = 0; c < db; ++c) {
+      Column& column = columns[n++];
+      column = {from + c * rows * kStride, nullptr, nullptr, at.ld, 0};
+      if (at.kind != PairAddress::Kind::transposed) column.to = h + at.offset + std::int64_t{c} * at.ld;
+      if (at.kind != PairAddress::Kind::stored) column.turned = h + at.offset + c;
+    }
+  }
+};
 
 void accumulate_run(const TablePlan& plan, const TablePlan::Run& run, const Batch& batch, LinearSystem& out,
                     std::int64_t& fallbacks) {
   const std::size_t n = plan.arguments.size();
-  const int lane = static_cast<int>(run.first % Batch::kRows), count = static_cast<int>(run.count);
+  const int lane = static_cast<int>(run.first % Batch::kRows), count = static_cast<int>(run.count), dim = batch.dim;
   const PairAddress* pair = &plan.pairs[run.first * (n * (n + 1) / 2)];
-  auto columns = [&](std::size_t a) { return batch.J + plan.arguments[a].column * batch.dim * kStride + lane; };
-  Product product;
-  for (std::size_t a = 0; a < n; ++a) {
+  double* const h = out.h.data();
+  auto columns = [&](std::size_t a) { return batch.J + plan.arguments[a].column * dim * kStride + lane; };
+  for (std::size_t a = 0; a < n; pair += ++a) {
     const Target& target = plan.targets[run.first * n + a];
-    const int da = plan.arguments[a].dim;
-    const bool kept = !plan.arguments[a].landmark_type && target.kind == Target::Kind::kept;
-    if (kept) {
-      multiply(da, 1, columns(a), batch.r + lane, batch.dim, count, product, fallbacks);
-      for (int i = 0; i < da; ++i) out.gradient[std::size_t(target.offset) + i] += product.entries[i];
-    }
-    for (std::size_t b = 0; b <= a; ++b, ++pair) {
-      if (!kept || plan.arguments[b].landmark_type || pair->kind == PairAddress::Kind::none) continue;
-      const int db = plan.arguments[b].dim;
-      multiply(da, db, columns(a), columns(b), batch.dim, count, product, fallbacks);
-      add(product, da, db, a == b, *pair, out.h.data());
-    }
+    if (plan.arguments[a].landmark_type || target.kind != Target::Kind::kept) continue;
+    const double* const own = columns(a);
+    const PairAddress& diagonal = pair[a];
+    Argument argument;
+    argument.dim = plan.arguments[a].dim;
+    argument.add(batch.r + lane, out.gradient.data() + target.offset);
+    for (std::size_t b = 0; b < a; ++b)
+      if (!plan.arguments[b].landmark_type && pair[b].kind != PairAddress::Kind::none)
+        argument.add_block(columns(b), dim, plan.arguments[b].dim, pair[b], h);
+    // Of six columns the last three need the last three alone.
+    const bool halves = argument.dim == 6;
+    for (int c = 0; c < (halves ? 3 : argument.dim); ++c)
+      argument.add(own + c * dim * kStride, h + diagonal.offset + std::int64_t{c} * diagonal.ld, c);
+    sum(argument.dim, own, argument.columns, argument.n, dim, count, fallbacks);
+    if (!halves) continue;
+    argument.n = 0;
+    for (int c = 3; c < 6; ++c)
+      argument.add(own + c * dim * kStride, h + diagonal.offset + std::int64_t{c} * diagonal.ld + 3, c - 3);
+    sum(3, own + 3 * dim * kStride, argument.columns, 3, dim, count, fallbacks);
   }
 }
 
