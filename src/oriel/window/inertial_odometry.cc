@@ -32,11 +32,16 @@ UpdateReport InertialOdometry::track(const StereoFrame& frame) {
   if (frame.time <= timeline_.latest()->time) return report;
   if (!add_frame(frame, nullptr, report)) return miss(frame, report);
   missed_ = 0;
-  if (!solve_and_gate(options_.max_iterations, report)) return report;
+  if (!solve_and_gate(options_.max_iterations, report)) {
+    if (++failed_solves_ < options_.most_failed_solves) return report;
+    return begin_anew(frame, "so many solves have failed, one after the other");
+  }
+  failed_solves_ = 0;
+  if (const char* what = beyond_belief()) return begin_anew(frame, what);
   InertialState& newest = *timeline_.change(frame.time);
   newest.keyframe = report.keyframe = is_keyframe(newest);
   fill(report);
-  causal_.add(frame.time, report.values.T_world_body);
+  say(frame.time, report.values.T_world_body);
   if (newest.keyframe) slide();
   return report;
 }
@@ -47,8 +52,16 @@ UpdateReport InertialOdometry::miss(const StereoFrame& frame, UpdateReport repor
   drop(DropReason::no_motion);
   report.reason = "no IMU samples reach this frame, and too little that is known is in view";
   if (++missed_ < options_.most_missed_frames) return report;
-  restart();
-  return initialise(frame);
+  return begin_anew(frame, "no IMU samples, and too little that is known in view, for so many frames");
+}
+
+// What no vehicle does and no sensor has: null, or what it is.
+const char* InertialOdometry::beyond_belief() const {
+  const InertialValues v = values(*timeline_.latest());
+  if (!(v.velocity.v.norm() <= options_.greatest_speed)) return "the estimated speed is beyond belief";
+  if (!(v.bias.gyro.norm() <= options_.greatest_gyro_bias)) return "the estimated gyroscope bias is beyond belief";
+  if (!(v.bias.accel.norm() <= options_.greatest_accel_bias)) return "the estimated accelerometer bias is beyond belief";
+  return nullptr;
 }
 
 InertialValues InertialOdometry::values(const InertialState& state) const {
@@ -246,7 +259,7 @@ bool InertialOdometry::is_keyframe(const InertialState& state) const {
 void InertialOdometry::slide() {
   while (static_cast<int>(timeline_.size()) > options_.keyframes.max_keyframes) {
     const InertialState oldest = *timeline_.oldest();
-    left_.add(oldest.time, window_.graph().value(oldest.pose));
+    keep(left_, oldest.time, window_.graph().value(oldest.pose));
     leaving_.assign({oldest.pose, oldest.velocity, oldest.bias});
     MarginalizeOptions options;
     options.first_estimates = options_.first_estimates;
@@ -261,6 +274,7 @@ void InertialOdometry::slide() {
       for (const VariableKey id : leaving_) edit.remove(id);
       if (!window_.commit()) return;
     }
+    ++marginalized_;
     close_tracks(oldest.time);
     timeline_.remove(oldest.time);
   }

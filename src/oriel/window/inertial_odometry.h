@@ -56,6 +56,7 @@ struct UpdateReport {
   enum class Status { initialising, initialised, tracking, failed };
   Status status = Status::initialising;
   const char* reason = "";  // of initialising and failed
+  const char* reset = "";   // why the window began anew in this update; empty where it did not
   Time time;
   InertialValues values;  // at that time; of initialised and tracking
   bool keyframe = false;
@@ -81,7 +82,7 @@ class InertialOdometry {
 
   const Trajectory& causal() const { return causal_; }  // each state at the moment of its own update
   Trajectory final() const;                             // each state as it was when it left the window, or is now
-  int left() const { return static_cast<int>(left_.poses().size()); }  // states that were marginalized so far
+  int left() const { return marginalized_; }            // states that were marginalized so far
   const std::array<std::int64_t, kDropReasonNames.size()>& dropped() const { return dropped_; }
   WindowCore& window() { return window_; }
   const Timeline<InertialState>& timeline() const { return timeline_; }
@@ -93,6 +94,15 @@ class InertialOdometry {
   void add_first_priors(GraphEdit& edit, const InertialState& state, const InertialValues& values,
                         Initialisation::Kind kind);
   void restart();
+  UpdateReport begin_anew(const StereoFrame& frame, const char* why);
+  const char* beyond_belief() const;
+  void say(Time time, const Pose3d& T_world_body) {
+    keep(causal_, time, T_world_body);
+    T_world_said_ = T_world_body;
+  }
+  void keep(Trajectory& trajectory, Time time, const Pose3d& T_world_body) const {
+    if (options_.keep_trajectory) trajectory.add(time, T_world_body);
+  }
   UpdateReport track(const StereoFrame& frame);
   UpdateReport miss(const StereoFrame& frame, UpdateReport report);
   std::optional<BridgedPreintegration> motion_since(const InertialState& from, Time to) const;
@@ -122,7 +132,10 @@ class InertialOdometry {
   Initialiser initialiser_;
   bool initialised_ = false;
   int missed_ = 0;                      // frames one after the other that no IMU samples reach
+  int failed_solves_ = 0;               // one after the other
+  int marginalized_ = 0;                // states
   std::optional<Pose3d> T_world_last_;  // of the window before a restart: the next one begins there
+  std::optional<Pose3d> T_world_said_;  // the newest that was believed
   Trajectory causal_, left_;
   std::array<std::int64_t, kDropReasonNames.size()> dropped_{};
 

@@ -87,14 +87,22 @@ UpdateReport InertialOdometry::initialise(const StereoFrame& frame) {
 }
 
 void InertialOdometry::restart() {
-  if (const InertialState* s = timeline_.latest()) T_world_last_ = window_.graph().value(s->pose);
+  if (T_world_said_) T_world_last_ = T_world_said_;
   initialised_ = false;
-  missed_ = 0;
-  for (const InertialState& s : timeline_) left_.add(s.time, window_.graph().value(s.pose));
+  missed_ = failed_solves_ = 0;
+  for (const InertialState& s : timeline_) keep(left_, s.time, window_.graph().value(s.pose));
   initialiser_.clear();
   timeline_.clear();
   map_.clear();
   (void)window_.clear();
+}
+
+// What was estimated so far is given up, for a reason that the report names; the frame may be the first of a new start.
+UpdateReport InertialOdometry::begin_anew(const StereoFrame& frame, const char* why) {
+  restart();
+  UpdateReport report = initialise(frame);
+  report.reset = why;
+  return report;
 }
 
 UpdateReport InertialOdometry::start_at(const StereoFrame& frame, const InertialValues& v, const StartSigmas& sigmas) {
@@ -117,7 +125,7 @@ UpdateReport InertialOdometry::start_at(const StereoFrame& frame, const Inertial
   fill(report);
   report.status = UpdateReport::Status::initialised;
   report.keyframe = true;
-  causal_.add(frame.time, v.T_world_body);
+  say(frame.time, v.T_world_body);
   return report;
 }
 
@@ -144,7 +152,7 @@ bool InertialOdometry::begin(const Initialisation& start, UpdateReport& report) 
     for (int round = 0; round < 3; ++round)
       if (!solve_and_gate(50, report)) return false;
     fill(report);
-    causal_.add(report.time, report.values.T_world_body);
+    say(report.time, report.values.T_world_body);
   }
   for (std::size_t k = start.states.back().frame + 1; k < initialiser_.size(); ++k) {
     report = track(initialiser_.frame(k));

@@ -63,6 +63,10 @@ struct OdometryOptions {
   int max_iterations = 12;           // of an update
   double function_tolerance = 1e-4;  // relative decrease of cost that ends an update
   int most_missed_frames = 3;        // without IMU samples, before the window starts anew
+  int most_failed_solves = 3;        // one after the other, before the window starts anew
+  // Beyond these no estimate is believed, and the window starts anew.
+  double greatest_speed = 100.0, greatest_gyro_bias = 1.0, greatest_accel_bias = 5.0;  // [m/s] [rad/s] [m/s²]
+  bool keep_trajectory = true;  // every pose for causal() and final(); a robot that runs for weeks keeps its own
   bool first_estimates = true;
 };
 
