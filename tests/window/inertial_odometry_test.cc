@@ -72,6 +72,46 @@ TEST(InertialOdometry, FollowsAFlightThatStartsInMotion) {
   EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
 }
 
+TEST(InertialOdometry, FollowsAFlightWhereLandmarksArePoints) {
+  OdometryOptions options;
+  options.visual.landmarks = LandmarkModel::point;
+  for (const bool stereo : {true, false}) {
+    const SimulatedFlight flight({.rest_s = 1.5, .duration_s = 12.0, .gross_errors = 0.05});
+    Feed feed(flight, options, stereo);
+    feed.all();
+    EXPECT_EQ(feed.reports.back().status, Status::tracking);
+    EXPECT_LT(worst_error(flight, feed.odometry.causal()), stereo ? 0.05 : 0.1);
+    EXPECT_EQ(feed.odometry.window().graph().count<InverseDepthd>(), 0u);
+    EXPECT_GT(feed.odometry.window().graph().count<Point3d>(), 50u);
+  }
+}
+
+TEST(InertialOdometry, StartsWhereItIsToldWithThatUncertainty) {
+  const SimulatedFlight flight({.duration_s = 3.0});
+  InertialOdometry odometry(flight.rig, true, flight.noise, {});
+  const Vec3d v = (flight.pose(1.001).t - flight.pose(0.999).t) / 0.002;
+  const InertialValues known{flight.pose(1.0), {v}, flight.bias};
+  const StartSigmas sigmas{{{0.1, 0.2, 0.3, 0.4, 0.5, 0.6}}, 0.7, 0.01, 0.02};
+  std::size_t k = 0;
+  for (; flight.imu[k].time <= flight.frames[10].time; ++k) ASSERT_TRUE(odometry.add_imu(flight.imu[k]).ok());
+  ASSERT_EQ(odometry.start_at({flight.frames[10].time, flight.frames[10].features}, known, sigmas).status,
+            Status::initialised);
+  const VariableKey ids[] = {odometry.timeline().latest()->pose, odometry.timeline().latest()->velocity};
+  const auto covariance = odometry.window().joint_covariance(ids);
+  ASSERT_TRUE(covariance.ok()) << covariance.error();
+  for (std::size_t i = 0; i < 9; ++i) {
+    const double sigma = i < 6 ? sigmas.pose[static_cast<int>(i)] : 0.7;
+    EXPECT_NEAR((*covariance)[10 * i], sigma * sigma, 1e-12);
+  }
+  for (std::size_t f = 11; f < flight.frames.size(); ++f) {
+    for (; k < flight.imu.size() && flight.imu[k].time <= flight.frames[f].time; ++k)
+      ASSERT_TRUE(odometry.add_imu(flight.imu[k]).ok());
+    ASSERT_EQ(odometry.update({flight.frames[f].time, flight.frames[f].features}).status, Status::tracking);
+  }
+  const Pose3d end = odometry.causal().poses().back().T_world_body;
+  EXPECT_LT((end.t - flight.pose(3.0).t).norm(), 0.05);
+}
+
 TEST(InertialOdometry, DoesNotTakeAnEvenGlideForRest) {
   const SimulatedFlight flight({.rest_s = 2.5, .glide = 0.2, .duration_s = 10.0});
   Feed feed(flight);

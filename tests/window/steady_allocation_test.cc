@@ -21,8 +21,8 @@ struct Count {
 };
 
 // Samples and updates from when the window is full.
-Count steady_allocations(const SimulatedFlight& flight, bool stereo = true) {
-  InertialOdometry odometry(flight.rig, stereo, flight.noise, {});
+Count steady_allocations(const SimulatedFlight& flight, bool stereo = true, const OdometryOptions& options = {}) {
+  InertialOdometry odometry(flight.rig, stereo, flight.noise, options);
   Count count;
   std::size_t next = 0;
   for (const auto& frame : flight.frames) {
@@ -47,6 +47,15 @@ TEST_F(SteadyWindow, AsksForNoMemoryOnceTheFirstStateHasLeft) {
 
 TEST_F(SteadyWindow, AsksForNoMemoryWithOneCamera) {
   const Count count = steady_allocations(SimulatedFlight({.rest_s = 1.2, .duration_s = 18.0, .points = 500}), false);
+  EXPECT_GT(count.updates, 30);
+  EXPECT_EQ(count.allocations, 0);
+}
+
+TEST_F(SteadyWindow, AsksForNoMemoryWithTwoCamerasWhereLandmarksArePoints) {
+  OdometryOptions options;
+  options.visual.landmarks = LandmarkModel::point;
+  const Count count = steady_allocations(
+      SimulatedFlight({.rest_s = 1.2, .duration_s = 18.0, .gross_errors = 0.05, .points = 500}), true, options);
   EXPECT_GT(count.updates, 30);
   EXPECT_EQ(count.allocations, 0);
 }

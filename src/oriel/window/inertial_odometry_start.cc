@@ -62,7 +62,7 @@ InertialOdometry::InertialOdometry(const StereoRigd& rig, bool stereo, const Imu
   pose_work_.pairs.reserve(kTracks);
   builder_.reserve(states);
   const int with_holes = static_cast<int>(states) * 4 / 3 + 2;  // a pool closes its holes when they are a fourth
-  (void)rehearse(window_, rig, {with_holes, options.keyframes.expected_tracks});
+  (void)rehearse(window_, rig, {with_holes, options.keyframes.expected_tracks, options.visual.landmarks});
 }
 
 UpdateReport InertialOdometry::initialise(const StereoFrame& frame) {

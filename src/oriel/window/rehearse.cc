@@ -18,7 +18,9 @@ struct State {
 struct Sight {
   FactorId factor;
   std::size_t state;
+  std::size_t anchor;
   VariableId<InverseDepthd> landmark;
+  VariableId<Point3d> point;
   Vec2d bearing;
 };
 
@@ -89,17 +91,35 @@ class Rehearsal {
     states_.push_back(s);
   }
 
+  Vec3d point(std::size_t anchor, const Vec2d& bearing) const {
+    return pose(anchor) * (rig_.cameras[0].T_body_camera() * Vec3d{{5.0 * bearing[0], 5.0 * bearing[1], 5.0}});
+  }
+
   Vec2d pixel(int camera, std::size_t anchor, std::size_t at, const Vec2d& bearing) const {
-    const Vec3d in_camera = {{5.0 * bearing[0], 5.0 * bearing[1], 5.0}};
-    const Vec3d p_world = pose(anchor) * (rig_.cameras[0].T_body_camera() * in_camera);
+    const Vec3d p_world = point(anchor, bearing);
     const auto& mount = rig_.cameras[camera];
     Vec2d out = Vec2d::zero();
     (void)mount.camera.project(mount.T_body_camera().inverse() * (pose(at).inverse() * p_world), out, nullptr);
     return out;
   }
 
+  void add_point_track(GraphEdit& edit, std::size_t anchor, std::size_t end, const Vec2d& bearing) {
+    // Not quite where it is: from the minimum no step would be tried.
+    const auto landmark = edit.add(Point3d{point(anchor, bearing) * 1.001});
+    const Loss loss = Cauchy(2.0);
+    for (std::size_t k = anchor; k < end; ++k) {
+      const Vec2d left = pixel(0, anchor, k, bearing), right = pixel(1, anchor, k, bearing);
+      others_.push_back(edit.add(MonoPointReprojectiond{left}, Sigma(1.0), loss, states_[k].pose, landmark, rig_id_));
+      if (!scene_.stereo) continue;
+      const FactorId stereo =
+          edit.add(StereoPointReprojectiond{left, right}, Sigma(1.0), loss, states_[k].pose, landmark, rig_id_);
+      sights_.push_back({stereo, k, anchor, {}, landmark, bearing});
+    }
+  }
+
   void add_track(GraphEdit& edit, std::size_t anchor, std::size_t end, int i) {
     const Vec2d bearing = {{0.05 * (i % 13 - 6), 0.03 * (i / 13 % 13 - 6)}};
+    if (size_.landmarks == LandmarkModel::point) return add_point_track(edit, anchor, end, bearing);
     const auto landmark = edit.add(InverseDepthd{0.2});
     const IsotropicNoise noise = Sigma(1.0);
     const Loss loss = Cauchy(2.0);
@@ -112,7 +132,7 @@ class Rehearsal {
       if (!scene_.stereo) continue;
       const FactorId stereo = edit.add(StereoReprojectiond{bearing, left, right}, noise, loss, states_[anchor].pose,
                                        states_[k].pose, landmark, rig_id_);
-      sights_.push_back({stereo, k, landmark, bearing});
+      sights_.push_back({stereo, k, anchor, landmark, {}, bearing});
     }
   }
 
@@ -122,7 +142,10 @@ class Rehearsal {
     for (std::size_t n = 0; n < sights_.size(); n += 3) {
       const Sight& s = sights_[n];
       edit.remove(s.factor);
-      if (s.state > 0)
+      if (size_.landmarks == LandmarkModel::point)
+        edit.add(MonoPointReprojectiond{pixel(0, s.anchor, s.state, s.bearing)}, Sigma(1.0), Cauchy(2.0),
+                 states_[s.state].pose, s.point, rig_id_);
+      else if (s.state > 0)
         edit.add(MonoReprojectiond{s.bearing, pixel(0, 0, s.state, s.bearing)}, Sigma(1.0), Cauchy(2.0),
                  states_[s.state - 1].pose, states_[s.state].pose, s.landmark, rig_id_);
     }

@@ -3,6 +3,7 @@
 // of who holds memory, and none that a later change could forget.
 #pragma once
 #include "oriel/sensor/stereo_rig.h"
+#include "oriel/window/odometry_options.h"
 #include "oriel/window/window_core.h"
 
 namespace oriel {
@@ -10,6 +11,7 @@ namespace oriel {
 struct WindowSize {
   int states = 14;
   int tracks = 300;  // in a frame
+  LandmarkModel landmarks = LandmarkModel::inverse_depth;
 };
 
 // The window must be empty, and nobody may follow it yet. It is empty afterwards, its engine as new but for its memory.
