@@ -52,6 +52,10 @@ class LinearBuilder final : public FactorBuilder {
     sent_.erase(number);
     ++refusals;
   }
+  void reset() override {
+    taken.clear();
+    for (auto& l : landmarks) l.reset();
+  }
   std::size_t waiting() const { return sent_.size(); }
 
  private:

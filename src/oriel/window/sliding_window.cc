@@ -35,6 +35,7 @@ Result<State> SlidingWindow::begin(ProviderId provider, Time time) {
 
 const WindowUpdate& SlidingWindow::update() {
   begin_report();
+  states_.follow(graph());
   drain();
   enter_ready();
   rebuild_batches();
@@ -42,9 +43,11 @@ const WindowUpdate& SlidingWindow::update() {
   if (graph().version() != seen_version_) {
     report_.status = WindowUpdate::Status::updated;
     if (options_.slide_before_solve) slide();
-    if (solve() && !options_.slide_before_solve) slide();
+    const bool solved = solve();
+    if (solved && !options_.slide_before_solve) slide();
+    seen_version_ = graph().version();
+    if (!solved) recover();
   }
-  seen_version_ = graph().version();
   for (WindowListener* listener : listeners_) listener->updated(graph(), states_, report_);
   return report_;
 }
@@ -73,12 +76,18 @@ bool SlidingWindow::solve() {
     return true;
   }
   report_.status = WindowUpdate::Status::solve_failed;
-  if (options_.failures_before_reset <= 0 || ++failures_ < options_.failures_before_reset) return false;
+  return false;
+}
+
+// What made it fail leaves, if it can be told, so that the next update has something new to do and goes on.
+void SlidingWindow::recover() {
+  if (auto ok = core_.remove_overflowing(report_.expelled); !ok) report_.error = ok.error();
+  states_.follow(graph());
+  if (options_.failures_before_reset <= 0 || ++failures_ < options_.failures_before_reset) return;
   Time newest = States::kNever;
   for (int k = 0; k < states_.providers(); ++k)
     if (const State* latest = states_.timeline({k}).latest()) newest = std::max(newest, latest->time);
   begin_anew("so many solves have failed, one after the other", newest + Duration{1});
-  return false;
 }
 
 void SlidingWindow::begin_anew(const char* reason, Time horizon) {

@@ -91,6 +91,7 @@ class SlidingWindow {
   bool make_wanted();
 
   bool solve();
+  void recover();
   void slide();
   void choose_leaving();
   Result<void> prepare_builders();

@@ -159,6 +159,23 @@ void States::mark_solved() {
       chain.timeline.change(chain.timeline[k].time)->solved = true;
 }
 
+void States::follow(const Graph& graph) {
+  for (int k = 0; k < providers(); ++k) {
+    Timeline<State>& line = chains_[k].timeline;
+    for (std::size_t i = line.size(); i-- > 0;) {
+      State& state = *line.change(line[i].time);
+      bool whole = true;
+      for (const VariableKey id : state.all()) whole = whole && graph.find_value(id) != nullptr;
+      if (!whole) {
+        forget({k}, state.time);
+      } else if (state.has_motion() && !graph.contains(state.motion)) {
+        state.motion = {};
+        state.severed = true;
+      }
+    }
+  }
+}
+
 void States::clear(Time horizon) {
   for (Chain& chain : chains_) {
     chain.timeline.clear();

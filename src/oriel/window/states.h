@@ -77,6 +77,9 @@ class States {
   // Times before the oldest state, or up to `left` where there is none, are too old from now on.
   void raise_horizon(ProviderId id, Time left);
   void mark_solved();
+  // After edits by others: where a motion factor is gone, nothing comes between its states any more; a state without
+  // its variables is none.
+  void follow(const Graph& graph);
   // No state is left, and times before `horizon` are too old.
   void clear(Time horizon = kNever);
   Time horizon(ProviderId id) const { return chains_[id.index].horizon; }

@@ -1,6 +1,23 @@
 #include "oriel/window/window_core.h"
 
+#include "oriel/linear/evaluate_rows.h"
+
 namespace oriel {
+namespace {
+
+constexpr double kLargestSum = 1e300;  // some thousands of these are still a number
+
+// Does lane l hold numbers whose squares a sum can take? What is invalid is in no sum.
+bool summable(const Batch& batch, int l) {
+  if (((batch.valid >> l) & 1) == 0) return true;
+  double squares = batch.cost[l];
+  for (int i = 0; i < batch.dim; ++i) squares += batch.r[i * Batch::kRows + l] * batch.r[i * Batch::kRows + l];
+  for (int i = 0; i < batch.dim * batch.cols; ++i)
+    squares += batch.J[i * Batch::kRows + l] * batch.J[i * Batch::kRows + l];
+  return squares < kLargestSum;
+}
+
+}  // namespace
 
 Result<void> WindowCore::commit() {
   if (edit_.empty()) return {};
@@ -32,6 +49,34 @@ Result<void> WindowCore::drop(std::span<const VariableKey> leaving, LandmarkPoli
   for (const MarginalPrior& p : scope_.priors())
     all.remove(FactorId{PriorTable::kKey, graph_.priors().slots().key(p.row)});
   return commit();
+}
+
+void WindowCore::find_overflowing(const FactorTable& table, std::vector<FactorId>& found) {
+  int columns = 0;
+  for (const VariableOps* ops : table.ops().variables) columns += ops->dim;
+  AlignedBuffer r, j;  // this is rare: no memory is kept for it
+  r.reserve(std::int64_t{Batch::kRows} * table.ops().dim);
+  j.reserve(std::int64_t{Batch::kRows} * table.ops().dim * columns);
+  std::vector<std::uint32_t> rows;
+  for (std::uint32_t row = 0; row < table.extent(); ++row) {
+    if (table.slots().is_live(row)) rows.push_back(row);
+    if (rows.empty() || (row + 1 < table.extent() && rows.size() < Batch::kRows)) continue;
+    Batch batch;
+    evaluate_rows(graph_, table, rows, nullptr, false, r.data(), j.data(), batch);
+    for (int l = 0; l < batch.rows; ++l)
+      if (!summable(batch, l)) found.push_back({table.ops().key, table.slots().key(rows[l])});
+    rows.clear();
+  }
+}
+
+Result<void> WindowCore::remove_overflowing(std::vector<FactorId>& removed) {
+  std::vector<FactorId> found;
+  for (const auto& table : graph_.tables()) find_overflowing(*table, found);
+  GraphEdit& all = edit();
+  for (const FactorId id : found) all.remove(id);
+  if (auto ok = commit(); !ok) return ok;
+  removed.insert(removed.end(), found.begin(), found.end());
+  return {};
 }
 
 Result<void> WindowCore::clear() {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "oriel/graph/graph.h"
+#include "oriel/linear/aligned_buffer.h"
 #include "oriel/solve/native_engine.h"
 #include "oriel/window/marginalize.h"
 
@@ -51,12 +52,17 @@ class WindowCore {
   Result<MarginalizeReport> slide(std::span<const VariableKey> leaving, const MarginalizeOptions& options);
   // Variables leave, landmarks as the policy says, and what they knew is lost: no prior.
   Result<void> drop(std::span<const VariableKey> leaving, LandmarkPolicy landmarks);
+  // After a solve that found nothing: takes out the factors whose squares a sum cannot take at the values that are
+  // left, and appends their ids.
+  Result<void> remove_overflowing(std::vector<FactorId>& removed);
   // The engine is told that nothing was solved yet; it keeps its memory.
   void begin_anew() { engine_.restore({}); }
   // Everything leaves.
   Result<void> clear();
 
  private:
+  void find_overflowing(const FactorTable& table, std::vector<FactorId>& found);
+
   Graph graph_;
   NativeEngine engine_;
   GraphEdit edit_;

@@ -166,6 +166,7 @@ Result<void> SlidingWindow::follow_hook() {
     for (const edit::AddedFactor& a : column->added) factors_.push_back({column->ops->key, a.key});
   std::erase_if(variables_, [this](VariableKey id) { return graph().find_value(id) == nullptr; });
   std::erase_if(factors_, [this](FactorId id) { return !graph().contains(id); });
+  states_.follow(graph());
   return {};
 }
 
@@ -177,6 +178,7 @@ void SlidingWindow::expel() {
 
 bool SlidingWindow::expel(bool with_states) {
   GraphEdit& edit = core_.edit();
+  std::erase_if(made_, [this](const States::Made& m) { return states_.timeline(m.provider).find(m.time) == nullptr; });
   for (const FactorId id : factors_) edit.remove(id);
   for (const VariableKey id : variables_) edit.remove(id);
   bool ok = true;

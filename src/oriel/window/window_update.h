@@ -40,7 +40,7 @@ struct WindowUpdate {
   enum class Status {
     nothing_new,   // nothing has changed since the last update, and nothing was done
     updated,       // solved, and slid where the policy said so
-    solve_failed,  // values, priors and window are as before, with what is new; `solve` says why
+    solve_failed,  // values and priors are as before, with what is new; `solve` says why
     slide_failed,  // solved, but nothing has left the window; `error` says why
   };
   Status status = Status::nothing_new;
@@ -55,6 +55,7 @@ struct WindowUpdate {
   const char* rejection = "";      // of the last group that a hook rejected
   Error error;                     // of the last thing that was refused or failed; no message where none was
   std::vector<Refusals> refusals;  // by sensor, of this update
+  std::vector<FactorId> expelled;  // taken out after a solve failed: their squares are beyond what a sum can take
 };
 
 class WindowListener {
