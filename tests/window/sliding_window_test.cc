@@ -3,15 +3,15 @@
 
 #include <gtest/gtest.h>
 
-#include "linear_window.h"
 #include "oriel/graph/fingerprint.h"
 #include "oriel/testing/allocation_counter.h"
-#include "oriel/window/pose_recorder.h"
+#include "steady_window.h"
 
 namespace oriel {
 namespace {
 
 using namespace linear_world;
+using SlidingWindowTest = SteadyLinearWindow;
 using Status = WindowUpdate::Status;
 
 // Values and priors alone: what a failure may not change.
@@ -25,21 +25,6 @@ std::vector<double> values_of(const Graph& graph) {
   return all;
 }
 
-// A window that has slid.
-struct Steady : ::testing::Test {
-  LinearWindow w{4, 11};
-  int k = 0;
-  const WindowUpdate& frame() {
-    w.move_to(100 * k + 100);
-    w.give({w.position_at(100 * k), w.sight(100 * k, k / 3)});
-    ++k;
-    return w.window.update();
-  }
-  void SetUp() override {
-    while (k < 8) ASSERT_EQ(frame().status, Status::updated);
-  }
-};
-
 // W3
 TEST(SlidingWindow, BeginsAProviderWithPriorsOnItsFirstState) {
   LinearWindow w;
@@ -52,7 +37,7 @@ TEST(SlidingWindow, BeginsAProviderWithPriorsOnItsFirstState) {
 }
 
 // W14
-TEST_F(Steady, DoesNothingWithoutANewFactor) {
+TEST_F(SlidingWindowTest, DoesNothingWithoutANewFactor) {
   const std::uint64_t version = w.window.graph().version();
   EXPECT_EQ(w.window.update().status, Status::nothing_new);
   EXPECT_EQ(w.window.graph().version(), version);
@@ -62,7 +47,7 @@ TEST_F(Steady, DoesNothingWithoutANewFactor) {
 }
 
 // W5, W6
-TEST_F(Steady, TakesWhatWaitedOnceItsStateCanBeMade) {
+TEST_F(SlidingWindowTest, TakesWhatWaitedOnceItsStateCanBeMade) {
   w.give({w.position_at(850), w.step(700, 850)});
   EXPECT_EQ(w.window.update().waiting, 1);
   const std::size_t taken = w.builder->taken.size();
@@ -77,7 +62,7 @@ TEST_F(Steady, TakesWhatWaitedOnceItsStateCanBeMade) {
 }
 
 // W4: the group that asked for it does not enter, and nothing of it is there.
-TEST_F(Steady, IsAsItWasWhereASplitFailsHalfWay) {
+TEST_F(SlidingWindowTest, IsAsItWasWhereASplitFailsHalfWay) {
   const std::uint64_t before = fingerprint(w.window.graph());
   const std::size_t states = w.window.states().timeline(w.positions).size();
   w.position->faults.link_fails_in = 1;
@@ -94,7 +79,7 @@ TEST_F(Steady, IsAsItWasWhereASplitFailsHalfWay) {
 }
 
 // W7
-TEST_F(Steady, RefusesAndCountsBySensorWhatIsOlderThanItself) {
+TEST_F(SlidingWindowTest, RefusesAndCountsBySensorWhatIsOlderThanItself) {
   const std::uint64_t before = fingerprint(w.window.graph());
   const int radar = w.window.pending().sensor("radar");
   w.window.pending().begin(radar);
@@ -126,7 +111,7 @@ struct TakesLate final : LateGroups {
 };
 
 // W7: whoever takes late groups gets what is older, and only that.
-TEST_F(Steady, HandsLateGroupsToWhoeverTakesThem) {
+TEST_F(SlidingWindowTest, HandsLateGroupsToWhoeverTakesThem) {
   auto late = std::make_unique<TakesLate>();
   TakesLate& takes = *late;
   w.window.set(std::move(late));
@@ -143,7 +128,7 @@ TEST_F(Steady, HandsLateGroupsToWhoeverTakesThem) {
 }
 
 // W6
-TEST_F(Steady, RefusesWhatNamesALandmarkThatIsGone) {
+TEST_F(SlidingWindowTest, RefusesWhatNamesALandmarkThatIsGone) {
   GraphEdit& edit = w.window.core().edit();
   const auto own = edit.add(Point2d{});
   ASSERT_TRUE(w.window.core().commit().ok());
@@ -160,132 +145,8 @@ TEST_F(Steady, RefusesWhatNamesALandmarkThatIsGone) {
   EXPECT_EQ(w.window.update().refusals[0][Refusal::unknown_id], 1);
 }
 
-struct Custom final : InsertionHook {
-  std::function<Verdict(const Graph&, const States&, const InsertedGroup&, GraphEdit&)> look;
-  int resets = 0;
-  std::string_view name() const override { return "custom"; }
-  Verdict inserted(const Graph& g, const States& s, const InsertedGroup& in, GraphEdit& edit) override {
-    return look ? look(g, s, in, edit) : Verdict{};
-  }
-  void reset() override { ++resets; }
-};
-Custom& add_hook(SlidingWindow& window) {
-  auto hook = std::make_unique<Custom>();
-  Custom& custom = *hook;
-  window.add(std::move(hook));
-  return custom;
-}
-
-// W9
-TEST_F(Steady, LetsAHookDropAFactorAndAddOthers) {
-  Custom &first = add_hook(w.window), &second = add_hook(w.window);
-  std::size_t seen_by_second = 0, variables_by_second = 0;
-  FactorId dropped, added;
-  first.look = [&](const Graph& graph, const States&, const InsertedGroup& in, GraphEdit& edit) {
-    EXPECT_EQ(in.factors.size(), 2u);
-    EXPECT_EQ(in.newest, at_ms(800));
-    EXPECT_EQ(in.new_variables.size(), 1u);
-    for (const FactorId id : in.factors) EXPECT_TRUE(graph.contains(id));
-    dropped = in.factors[0];
-    edit.remove(dropped);
-    const auto l = edit.add(Point2d{});
-    edit.add(Prior{Point2d{{{3.0, 4.0}}}}, Sigma(0.1), l);
-    added = edit.add(Sight{{{1.0, 1.0}}}, Sigma(0.2), VariableId<Position>{in.new_variables[0].key}, l);
-    return InsertionHook::Verdict{};
-  };
-  second.look = [&](const Graph&, const States&, const InsertedGroup& in, GraphEdit&) {
-    seen_by_second = in.factors.size();
-    variables_by_second = in.variables.size();
-    return InsertionHook::Verdict{};
-  };
-  w.move_to(1000);
-  w.give({w.position_at(800), w.position_at(800)});
-  EXPECT_EQ(w.window.update().status, Status::updated);
-  EXPECT_FALSE(w.window.graph().contains(dropped));
-  EXPECT_TRUE(w.window.graph().contains(added));
-  EXPECT_EQ(seen_by_second, 3u);
-  EXPECT_EQ(variables_by_second, 1u);
-}
-
-// W9
-TEST_F(Steady, HasNothingLeftOfAGroupThatAHookRejects) {
-  const std::uint64_t before = fingerprint(w.window.graph());
-  const std::size_t states = w.window.states().timeline(w.positions).size();
-  Custom &first = add_hook(w.window), &second = add_hook(w.window);
-  first.look = [&](const Graph&, const States&, const InsertedGroup& in, GraphEdit& edit) {
-    const auto l = edit.add(Point2d{});
-    edit.add(Sight{{{1.0, 1.0}}}, Sigma(0.2), VariableId<Position>{in.new_variables[0].key}, l);
-    return InsertionHook::Verdict{};
-  };
-  second.look = [](const Graph&, const States&, const InsertedGroup&, GraphEdit& edit) {
-    edit.add(Point2d{});  // of one that rejects: never applied
-    return InsertionHook::Verdict{true, false, "not today"};
-  };
-  w.move_to(1000);
-  w.give({w.position_at(800), w.sight(800, 77), w.tie(800, 800)});  // states of two kinds, a landmark of its own
-  const WindowUpdate& update = w.window.update();
-  EXPECT_STREQ(update.rejection, "not today");
-  EXPECT_EQ(update.refusals[0][Refusal::rejected], 1);
-  EXPECT_EQ(update.entered, 0);
-  EXPECT_EQ(fingerprint(w.window.graph()), before);
-  EXPECT_EQ(w.window.states().timeline(w.positions).size(), states);
-  EXPECT_TRUE(w.window.states().timeline(w.levels).empty());
-  // Between two states the motion that was split is whole again; its id alone is another.
-  second.look = [](const Graph&, const States&, const InsertedGroup&, GraphEdit&) {
-    return InsertionHook::Verdict{true, false, "not today"};
-  };
-  first.look = nullptr;
-  const std::size_t factors = w.window.graph().factor_count(), variables = w.window.graph().variable_count();
-  w.give({w.position_at(640)});
-  w.window.update();
-  EXPECT_EQ(w.window.graph().factor_count(), factors);
-  EXPECT_EQ(w.window.graph().variable_count(), variables);
-  second.look = nullptr;
-  w.give({w.position_at(800)});
-  EXPECT_EQ(w.window.update().status, Status::updated);
-  EXPECT_LT(w.error(), 1e-9);
-}
-
-// W9
-TEST_F(Steady, RejectsTheGroupOfAHookWhoseEditIsRefused) {
-  const std::uint64_t before = fingerprint(w.window.graph());
-  add_hook(w.window).look = [](const Graph&, const States&, const InsertedGroup& in, GraphEdit& edit) {
-    edit.add(Prior{Position{{{NAN, 0.0}}}}, Sigma(0.1), VariableId<Position>{in.new_variables[0].key});
-    return InsertionHook::Verdict{};
-  };
-  w.move_to(1000);
-  w.give({w.position_at(800)});
-  EXPECT_EQ(w.window.update().refusals[0][Refusal::rejected], 1);
-  EXPECT_EQ(fingerprint(w.window.graph()), before);
-}
-
-TEST_F(Steady, BeginsAnewWhereAHookFindsAGap) {
-  Custom& hook = add_hook(w.window);
-  hook.look = [](const Graph&, const States&, const InsertedGroup& in, GraphEdit&) {
-    return InsertionHook::Verdict{false, in.newest == at_ms(2000), "a gap of more than a second"};
-  };
-  w.window.core().edit().add(VectorNd<5>{});  // static, of the user
-  ASSERT_TRUE(w.window.core().commit().ok());
-  w.give({w.position_at(99999)});  // waits: for ever, or until it is too old
-  w.move_to(3000);
-  w.give({w.position_at(2000)});
-  w.give({w.sight(2100, 40)});
-  const WindowUpdate& update = w.window.update();
-  EXPECT_STREQ(update.reset, "a gap of more than a second");
-  EXPECT_EQ(update.status, Status::updated);
-  EXPECT_EQ(update.entered, 2);  // the one that came after the gap is the first of the new window
-  EXPECT_EQ(hook.resets, 1);
-  EXPECT_EQ(w.window.states().timeline(w.positions).size(), 2u);
-  EXPECT_EQ(w.window.states().timeline(w.positions).oldest()->time, at_ms(2000));
-  EXPECT_EQ(w.window.graph().priors().slots().size(), 0u);
-  EXPECT_EQ(w.window.graph().count<Point2d>(), 1u);
-  EXPECT_EQ(w.window.graph().count<VectorNd<5>>(), 1u);
-  w.give({w.position_at(700)});  // of the old window
-  EXPECT_EQ(w.window.update().refusals[0][Refusal::too_old], 1);
-}
-
 // W15
-TEST_F(Steady, KeepsItsValuesWhenASolveFailsAndGoesOn) {
+TEST_F(SlidingWindowTest, KeepsItsValuesWhenASolveFailsAndGoesOn) {
   const std::vector<double> before = values_of(w.window.graph());
   const std::size_t states = w.window.states().timeline(w.positions).size();
   // Each is a number, and their sum is none.
@@ -309,7 +170,7 @@ TEST_F(Steady, KeepsItsValuesWhenASolveFailsAndGoesOn) {
 }
 
 // W12, W15: as long as solves fail, nothing leaves; then the window begins anew, with a reason.
-TEST_F(Steady, EliminatesNoStateThatNoSolveHasSeen) {
+TEST_F(SlidingWindowTest, EliminatesNoStateThatNoSolveHasSeen) {
   GraphEdit& edit = w.window.core().edit();
   // A prior of its own that no solve can take, and that is not a factor of any group.
   LinearPrior prior;
