@@ -67,6 +67,23 @@ struct LinearProblem {
     link_all(width, height);
   }
 
+  static bool is_white(int i, int width) { return white(i, width); }
+  // f(residual, noise, x, y) of a random factor between a black and a white field.
+  template <class F>
+  void with_pair(VariableKey black, VariableKey white, F&& f) {
+    const int kind = static_cast<int>(std::find(std::begin(kTypes), std::end(kTypes), black.type) - kTypes);
+    with_type(kind, black.key, [&]<class V>(VariableId<V> x) {
+      auto to = [&]<class W>(VariableId<W> y) {
+        const auto A = matrix<V::kDim>();
+        const auto B = matrix<W::kDim>();
+        const Vec3d z = random.normal<3>(1.0);
+        f(LinearPair<V, W>{A, B, z}, Sigma(random.uniform(0.1, 1.0)), x, y);
+      };
+      white.type == kVariableOps<Point3d>.key ? to(VariableId<Point3d>{white.key})
+                                              : to(VariableId<VectorNd<5>>{white.key});
+    });
+  }
+
  private:
   static constexpr std::uint64_t kTypes[] = {kVariableOps<VectorNd<1>>.key, kVariableOps<VectorNd<2>>.key,
                                              kVariableOps<VectorNd<3>>.key, kVariableOps<VectorNd<4>>.key,
@@ -92,15 +109,8 @@ struct LinearProblem {
     return a;
   }
   void link(GraphEdit& edit, VariableKey black, VariableKey white) {
-    const int kind = static_cast<int>(std::find(std::begin(kTypes), std::end(kTypes), black.type) - kTypes);
-    with_type(kind, black.key, [&]<class V>(VariableId<V> x) {
-      auto to = [&]<class W>(VariableId<W> y) {
-        edit.add(LinearPair<V, W>{matrix<V::kDim>(), matrix<W::kDim>(), random.normal<3>(1.0)},
-                 Sigma(random.uniform(0.1, 1.0)), x, y);
-      };
-      white.type == kVariableOps<Point3d>.key ? to(VariableId<Point3d>{white.key})
-                                              : to(VariableId<VectorNd<5>>{white.key});
-    });
+    with_pair(black, white,
+              [&](const auto& residual, const auto& noise, auto x, auto y) { edit.add(residual, noise, x, y); });
   }
   void link_all(int width, int height) {
     GraphEdit edit = graph.edit();

@@ -33,4 +33,35 @@ int reduce_to_echelon(const StackedColumns& a, int from, int to, int end, int us
   return used;
 }
 
+void eliminate_rows(double* a, int n, int m, int columns, const double* whole) {
+  const std::ptrdiff_t stride = n + m;
+  for (int j = 0; j < n; ++j) {
+    double* const v = a + j * stride;
+    double* const low = v + n;
+    const double squares = dot(low, low, m);
+    if (!(std::sqrt(squares) > kNegligibleColumn * whole[j])) {
+      std::fill_n(low, m, 0.0);
+      continue;
+    }
+    const double norm = std::sqrt(v[j] * v[j] + squares), beta = v[j] > 0.0 ? -norm : norm;
+    const double v0 = v[j] - beta, scale = 1.0 / (beta * v0);
+    for (int c = j + 1; c < columns; ++c) {
+      double* const x = a + c * stride;
+      const double s = scale * (v0 * x[j] + dot(low, x + n, m));
+      x[j] += s * v0;
+      for (int i = 0; i < m; ++i) x[n + i] += s * low[i];
+    }
+    v[j] = beta;
+    std::fill_n(low, m, 0.0);
+  }
+}
+
+void solve_upper_minus(const double* R, int stride, int n, double* x) {
+  for (int j = n - 1; j >= 0; --j) {
+    const double* const column = R + static_cast<std::ptrdiff_t>(j) * stride;
+    x[j] = column[j] != 0.0 ? -x[j] / column[j] : 0.0;
+    for (int i = 0; i < j; ++i) x[i] += column[i] * x[j];
+  }
+}
+
 }  // namespace oriel

@@ -20,4 +20,12 @@ inline constexpr double kNegligibleColumn = 1e-13;
 // Returns the rows used. Golub & Van Loan, Matrix Computations, algorithm 5.1.1, without pivoting.
 int reduce_to_echelon(const StackedColumns& a, int from, int to, int end, int used, char* empty);
 
+// n triangular rows above m others, in columns of n + m: reflections of row j with the m bring their first n columns to
+// zero, and are applied to all `columns`. Where what the m rows have in column j is rounding error against whole[j],
+// there is no reflection.
+void eliminate_rows(double* a, int n, int m, int columns, const double* whole);
+
+// x := -R⁻¹ x for the upper triangle in the first n rows of columns of `stride`; 0 where its diagonal is.
+void solve_upper_minus(const double* R, int stride, int n, double* x);
+
 }  // namespace oriel

@@ -16,8 +16,9 @@ void cover(std::vector<T>& column, std::size_t extent) {
 }  // namespace
 
 Result<void> MarginalScope::collect(const Graph& graph, std::span<const VariableKey> leaving, LandmarkPolicy policy,
-                                    std::span<const TypePolicy> types) {
+                                    std::span<const TypePolicy> types, bool keep_asked_landmarks) {
   reset(graph);
+  keep_asked_landmarks_ = keep_asked_landmarks;
   for (const VariableKey& id : leaving)
     if (auto ok = add_leaving(graph, id, types); !ok) return ok;
   asked_ = static_cast<std::int32_t>(variables_.size());
@@ -33,6 +34,7 @@ Result<void> MarginalScope::collect(const Graph& graph, std::span<const Variable
 
 void MarginalScope::collect_factors(const Graph& graph, std::span<const AbsorbedFactor> factors) {
   reset(graph);
+  keep_asked_landmarks_ = false;
   asked_ = 0;
   for (const AbsorbedFactor& f : factors) {
     if (f.table == Graph::kPriorTable)

@@ -108,8 +108,9 @@ class MarginalScope {
   static constexpr int kChunk = 64;  // landmarks that are eliminated together
 
   // Refused, with the variable named: an unknown or stale id, the same twice, a constant. The graph is not changed.
+  // Landmarks that are asked to leave are eliminated like any other variable, not on their own, if `keep_asked...`.
   Result<void> collect(const Graph& graph, std::span<const VariableKey> leaving, LandmarkPolicy policy,
-                       std::span<const TypePolicy> types = {});
+                       std::span<const TypePolicy> types = {}, bool keep_asked_landmarks = false);
   // Nothing leaves but these factors, live rows of tables, and priors: one component, unless all they touch is known.
   void collect_factors(const Graph& graph, std::span<const AbsorbedFactor> factors);
 
@@ -167,6 +168,7 @@ class MarginalScope {
   std::vector<std::uint32_t> ordered_;
   std::vector<std::int32_t> arguments_;
 
+  bool keep_asked_landmarks_ = false;
   std::int32_t asked_ = 0;  // variables() begins with those that the caller named, until it is sorted
   std::uint32_t stamp_ = 0;
   std::vector<std::vector<Mark>> marks_;                // by pool and dense position

@@ -41,6 +41,7 @@ void MarginalScope::choose_landmarks() {
   for (std::size_t i = 0; i < variables_.size(); ++i) {
     MarginalVariable& v = variables_[i];
     v.eliminated = v.landmark && v.role == Role::leaving && !v.in_prior && !v.fixed && v.dim <= 3;
+    if (keep_asked_landmarks_ && v.found < asked_) v.eliminated = false;
     parent_[i] = v.eliminated;
   }
   for (const MarginalRow& r : rows_) {

@@ -23,7 +23,13 @@ void clear_lane(Batch& batch, int l) {
 Result<MarginalizeReport> Marginalizer::marginalize(Graph& graph, std::span<const VariableKey> leaving,
                                                     const MarginalizeOptions& options, GraphEdit& edit) {
   edit.clear();
-  if (auto ok = scope_.collect(graph, leaving, options.landmarks, options.types); !ok) return ok.error();
+  if (auto ok = scope_.collect(graph, leaving, options.landmarks, options.types, options.ledger != nullptr); !ok)
+    return ok.error();
+  if (options.ledger != nullptr) {
+    options.ledger->discard();
+    options.ledger->stage_known(graph, scope_);
+  }
+  root_.keep_conditional = options.ledger != nullptr;
   MarginalizeReport report;
   report.closed_landmarks = scope_.closed_landmarks;
   report.dropped_landmarks = scope_.dropped_landmarks;
@@ -46,11 +52,13 @@ Result<MarginalizeReport> Marginalizer::marginalize(Graph& graph, std::span<cons
       const UndeterminedScalar& first = report.undetermined.front();
       const auto names = graph.find_ops(first.id.type)->tangent_names;
       edit.clear();
+      if (options.ledger != nullptr) options.ledger->discard();
       return Error{ErrorCode::singular,
                    "marginalize: nothing determines " +
                        (names.empty() ? "scalar " + std::to_string(first.tangent) : std::string(names[first.tangent])) +
                        " of " + graph.describe(first.id)};
     }
+    if (options.ledger != nullptr) options.ledger->stage(graph, scope_, component, root_);
     write_priors(graph, component, options, edit, report);
   }
   return report;

@@ -20,6 +20,7 @@
 #include "oriel/linear/aligned_buffer.h"
 #include "oriel/solve/summary.h"
 #include "oriel/window/information_sum.h"
+#include "oriel/window/late_ledger.h"
 #include "oriel/window/marginal_scope.h"
 #include "oriel/window/stacked_rows.h"
 #include "oriel/window/untie.h"
@@ -39,6 +40,8 @@ struct MarginalizeOptions {
   // By type: what becomes of a variable that is asked to leave, and which of those that stay a new prior may tie to
   // others. Types that are not named are marginalized, and tied. The list is the caller's.
   std::span<const TypePolicy> types = {};
+  // Is given what leaves, so that late factors can be folded; the caller's. Commit it once the edit is applied.
+  LateLedger* ledger = nullptr;
 };
 
 struct MarginalizeReport {

@@ -94,6 +94,7 @@ Result<MarginalizeReport> Marginalizer::absorb(Graph& graph, std::span<const Fac
                                                const MarginalizeOptions& options, GraphEdit& edit) {
   edit.clear();
   if (auto ok = invite(graph, factors); !ok) return ok.error();
+  root_.keep_conditional = false;
   MarginalizeReport report;
   edit.require_version(graph.version());
   for (const FactorId& id : factors)
