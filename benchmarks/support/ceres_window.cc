@@ -75,23 +75,9 @@ SlideReport CeresWindow::slide() {
   if (k == 0)
     start();
   else
-    predict(k);
+    predict(k, data_.stream.keyframes[k].motion.motion);
   add_views(k);
-  {
-    ceres::Problem::Options own;
-    own.cost_function_ownership = ceres::TAKE_OWNERSHIP;
-    own.loss_function_ownership = own.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-    own.disable_all_safety_checks = true;
-    ceres::Problem problem(own);
-    auto order = std::make_shared<ceres::ParameterBlockOrdering>();
-    build(problem, *order);
-    const double t1 = wall_seconds();
-    run(problem, order, report);
-    report.build = t1 - t0;
-    report.solve = wall_seconds() - t1;
-    report.reprojections = problem.NumResidualBlocks();
-    report.residual_rows = problem.NumResiduals();
-  }
+  solve(frame_at(k), t0, report);
   const double t2 = wall_seconds();
   if (next_ >= options_.window) fold_oldest();
   const double t3 = wall_seconds();
@@ -99,6 +85,37 @@ SlideReport CeresWindow::slide() {
   report.wall = t3 - t0;
   report.fold = t3 - t2;
   return report;
+}
+
+// The frame stands where the next keyframe will.
+SlideReport CeresWindow::pass() {
+  SlideReport report;
+  const double cpu0 = cpu_seconds(), t0 = wall_seconds();
+  const int k = next_++ - 1;
+  const SimulatedFrame& frame = data_.stream.between[k];
+  predict(k + 1, frame.motion.motion);
+  solve({&frame.motion.motion, &data_.between_noise[k], &data_.between_views[k]}, t0, report);
+  --next_;
+  report.cpu = cpu_seconds() - cpu0;
+  report.wall = wall_seconds() - t0;
+  return report;
+}
+
+void CeresWindow::solve(const Frame& newest, double t0, SlideReport& report) {
+  ceres::Problem::Options own;
+  own.cost_function_ownership = ceres::TAKE_OWNERSHIP;
+  own.loss_function_ownership = own.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  own.disable_all_safety_checks = true;
+  ceres::Problem problem(own);
+  auto order = std::make_shared<ceres::ParameterBlockOrdering>();
+  build(newest, problem, *order);
+  const double t1 = wall_seconds();
+  run(problem, order, report);
+  report.build = t1 - t0;
+  report.solve = wall_seconds() - t1;
+  report.reprojections = problem.NumResidualBlocks();
+  report.residual_rows = problem.NumResiduals();
+  report.prior_cols = prior_ ? static_cast<int>(prior_->R.cols()) : 0;
 }
 
 void CeresWindow::start() {
@@ -115,10 +132,9 @@ void CeresWindow::start() {
   prior_->d = Eigen::VectorXd::Zero(15);
 }
 
-void CeresWindow::predict(int k) {
+void CeresWindow::predict(int k, const PreintegratedImud& motion) {
   const State& last = state(k - 1);
-  const PredictedState next =
-      predict_state(data_.stream.keyframes[k].motion.motion, last.pose, last.speed.v, last.speed.bias);
+  const PredictedState next = predict_state(motion, last.pose, last.speed.v, last.speed.bias);
   const ImuBiasd bias = last.speed.bias;
   state(k) = {next.T_world_body, {}, {next.v, bias}, {}, false, false};
 }
@@ -140,7 +156,7 @@ Evaluated<Speed> CeresWindow::speed_at(int k) const {
   return {options_.first_estimates && s.speed_touched ? &s.first_speed : nullptr};
 }
 
-void CeresWindow::build(ceres::Problem& problem, ceres::ParameterBlockOrdering& order) {
+void CeresWindow::build(const Frame& newest, ceres::Problem& problem, ceres::ParameterBlockOrdering& order) {
   const int first = std::max(0, next_ - options_.window);
   for (int k = first; k < next_; ++k) {
     State& s = state(k);
@@ -152,13 +168,16 @@ void CeresWindow::build(ceres::Problem& problem, ceres::ParameterBlockOrdering& 
     order.AddElementToGroup(speed, 1);
     if (k == first) continue;
     State& before = state(k - 1);
-    auto* cost = new ImuCost(&data_.stream.keyframes[k].motion.motion, &data_.imu_noise[k], pose_at(k - 1),
-                             speed_at(k - 1), pose_at(k), speed_at(k));
+    const Frame frame = k + 1 == next_ ? newest : frame_at(k);
+    auto* cost = new ImuCost(frame.motion, frame.noise, pose_at(k - 1), speed_at(k - 1), pose_at(k), speed_at(k));
     problem.AddResidualBlock(cost, nullptr, reinterpret_cast<double*>(&before.pose),
                              reinterpret_cast<double*>(&before.speed), pose, speed);
   }
   if (prior_) add_prior(problem);
-  add_reprojections(problem, order);
+  for (const auto& views : views_)
+    for (const View& view : views) add_reprojection(view, problem, order);
+  if (newest.views != nullptr)
+    for (const View& view : *newest.views) add_reprojection(view, problem, order);
 }
 
 void CeresWindow::add_prior(ceres::Problem& problem) {
@@ -170,28 +189,25 @@ void CeresWindow::add_prior(ceres::Problem& problem) {
   problem.AddResidualBlock(new PriorCost(*prior_), nullptr, blocks);
 }
 
-void CeresWindow::add_reprojections(ceres::Problem& problem, ceres::ParameterBlockOrdering& order) {
+void CeresWindow::add_reprojection(const View& view, ceres::Problem& problem, ceres::ParameterBlockOrdering& order) {
   const double weight = 1.0 / options_.pixel_sigma;
   const StereoRigd* rig = &data_.stream.rig;
-  for (const auto& views : views_)
-    for (const View& view : views) {
-      const SimulatedTrack& track = data_.stream.tracks[view.track];
-      const SimulatedObservation& o = *view.observation;
-      double* depth = &depths_[view.track];
-      auto* a = reinterpret_cast<double*>(&state(track.anchor).pose);
-      auto* b = reinterpret_cast<double*>(&state(view.keyframe).pose);
-      if (view.keyframe == track.anchor)
-        problem.AddResidualBlock(new AnchorCost({track.bearing, o.pixel1}, weight, rig), loss_.get(), depth);
-      else if (options_.stereo)
-        problem.AddResidualBlock(new AnchoredCost<StereoReprojectiond>({track.bearing, o.pixel0, o.pixel1}, weight, rig,
-                                                                       pose_at(track.anchor), pose_at(view.keyframe)),
-                                 loss_.get(), a, b, depth);
-      else
-        problem.AddResidualBlock(new AnchoredCost<MonoReprojectiond>({track.bearing, o.pixel0}, weight, rig,
-                                                                     pose_at(track.anchor), pose_at(view.keyframe)),
-                                 loss_.get(), a, b, depth);
-      order.AddElementToGroup(depth, 0);
-    }
+  const SimulatedTrack& track = data_.stream.tracks[view.track];
+  const SimulatedObservation& o = *view.observation;
+  double* depth = &depths_[view.track];
+  auto* a = reinterpret_cast<double*>(&state(track.anchor).pose);
+  auto* b = reinterpret_cast<double*>(&state(view.keyframe).pose);
+  if (view.keyframe == track.anchor)
+    problem.AddResidualBlock(new AnchorCost({track.bearing, o.pixel1}, weight, rig), loss_.get(), depth);
+  else if (options_.stereo)
+    problem.AddResidualBlock(new AnchoredCost<StereoReprojectiond>({track.bearing, o.pixel0, o.pixel1}, weight, rig,
+                                                                   pose_at(track.anchor), pose_at(view.keyframe)),
+                             loss_.get(), a, b, depth);
+  else
+    problem.AddResidualBlock(new AnchoredCost<MonoReprojectiond>({track.bearing, o.pixel0}, weight, rig,
+                                                                 pose_at(track.anchor), pose_at(view.keyframe)),
+                             loss_.get(), a, b, depth);
+  order.AddElementToGroup(depth, 0);
 }
 
 void CeresWindow::run(ceres::Problem& problem, const std::shared_ptr<ceres::ParameterBlockOrdering>& order,

@@ -47,6 +47,8 @@ class CeresWindow {
  public:
   CeresWindow(const WindowData& data, const WindowOptions& options, const CeresSetting& setting);
   SlideReport slide();
+  // Takes in the frame after the newest keyframe, solves, and takes it out again.
+  SlideReport pass();
   const Pose3d& newest_pose() const { return state(next_ - 1).pose; }
   const std::string& error() const { return error_; }
 
@@ -63,11 +65,19 @@ class CeresWindow {
   Evaluated<Speed> speed_at(int k) const;
 
   void start();
-  void predict(int k);
+  void predict(int k, const PreintegratedImud& motion);
   void add_views(int k);
-  void build(ceres::Problem& problem, ceres::ParameterBlockOrdering& order);
+  // What stands between two states; and what only one update sees.
+  struct Frame {
+    const PreintegratedImud* motion = nullptr;
+    const FullNoise<15>* noise = nullptr;
+    const std::vector<View>* views = nullptr;
+  };
+  Frame frame_at(int k) const { return {&data_.stream.keyframes[k].motion.motion, &data_.imu_noise[k], nullptr}; }
+  void solve(const Frame& newest, double t0, SlideReport& report);
+  void build(const Frame& newest, ceres::Problem& problem, ceres::ParameterBlockOrdering& order);
   void add_prior(ceres::Problem& problem);
-  void add_reprojections(ceres::Problem& problem, ceres::ParameterBlockOrdering& order);
+  void add_reprojection(const View& view, ceres::Problem& problem, ceres::ParameterBlockOrdering& order);
   void run(ceres::Problem& problem, const std::shared_ptr<ceres::ParameterBlockOrdering>& order, SlideReport& report);
 
   // ---- marginalization (ceres_window_fold.cc) ----

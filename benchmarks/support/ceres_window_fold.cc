@@ -40,8 +40,28 @@ void add(Eigen::MatrixXd& H, int row, const A& a, int column, const B& b) {
     H.block(row, column, a.cols(), b.cols()).noalias() += a.transpose() * b;
 }
 
+constexpr double kRoundingPivot = 1e-10;  // of its diagonal entry
+
 template <int Rows, int Cols>
 using RowMajor = Eigen::Matrix<double, Rows, Cols, (Cols == 1 ? Eigen::ColMajor : Eigen::RowMajor)>;
+
+// Upper R with RᵀR = H for a positive semidefinite H (its lower half is read): the row of a pivot that is rounding
+// error is zero. A pose that the leaving landmarks saw but once or twice is not determined by them, and a prior says
+// so.
+Eigen::MatrixXd semidefinite_root(const Eigen::MatrixXd& H) {
+  const Eigen::Index n = H.rows();
+  Eigen::MatrixXd L = H.triangularView<Eigen::Lower>();
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const double pivot = L(j, j);
+    const bool null = !(pivot > kRoundingPivot * H(j, j));
+    if (null)
+      L.col(j).tail(n - j).setZero();
+    else
+      L.col(j).tail(n - j) /= std::sqrt(pivot);
+    for (Eigen::Index k = j + 1; k < n && !null; ++k) L.col(k).tail(n - k) -= L(k, j) * L.col(j).tail(n - k);
+  }
+  return L.transpose();
+}
 
 }  // namespace
 
@@ -214,11 +234,20 @@ void CeresWindow::finish_prior(Fold& fold) {
   const Eigen::VectorXd y = leaving.matrixL().solve(fold.b.head(15));
   const Eigen::VectorXd b = fold.b.tail(n) - coupling * y;
   const Eigen::LLT<Eigen::MatrixXd> root(H);
-  if ((leaving.info() != Eigen::Success || root.info() != Eigen::Success) && error_.empty())
-    error_ = "the marginal information is not positive definite";
-  prior_->R = root.matrixU();
-  prior_->d = root.matrixL().solve(b);  // Rᵀd = b, at the values of now
-  Eigen::VectorXd moved(n);             // x ⊟ x̂: the prior speaks of first estimates
+  if (leaving.info() != Eigen::Success && error_.empty()) error_ = "the leaving state is not determined";
+  const auto pivots = root.matrixLLT().diagonal().array().square();
+  if (root.info() == Eigen::Success && (pivots > kRoundingPivot * H.diagonal().array()).all())
+    prior_->R = root.matrixU();
+  else
+    prior_->R = semidefinite_root(H);
+  // Rᵀd = b, at the values of now; nothing in the rows that say nothing.
+  const auto& R = prior_->R;
+  prior_->d = b;
+  for (int i = 0; i < n; ++i) {
+    double& d = prior_->d[i];
+    d = R(i, i) > 0.0 ? (d - R.col(i).head(i).dot(prior_->d.head(i))) / R(i, i) : 0.0;
+  }
+  Eigen::VectorXd moved(n);  // x ⊟ x̂: the prior speaks of first estimates
   for (auto& block : fold.blocks) {
     State& s = state(block.keyframe);
     bool& touched = block.speed ? s.speed_touched : s.pose_touched;

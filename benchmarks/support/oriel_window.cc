@@ -10,6 +10,7 @@ OrielWindow::OrielWindow(const WindowData& data, const WindowOptions& options) :
   solve_options_.first_estimates = options.first_estimates;
   solve_options_.function_tolerance = solve_options_.gradient_tolerance = solve_options_.step_tolerance = 0.0;
   solve_options_.trace = false;
+  if (options.cpu_stages) solve_options_.clock = [] { return cpu_seconds(); };
   fold_options_.landmarks = LandmarkPolicy::close;
   fold_options_.first_estimates = options.first_estimates;
   landmarks_.resize(data.stream.tracks.size());
@@ -23,8 +24,8 @@ SlideReport OrielWindow::slide() {
   if (next_ == 0)
     add_first_state();
   else
-    add_state(next_);
-  add_observations(next_);
+    add_state(next_, data_.stream.keyframes[next_].motion.motion, data_.imu_noise[next_]);
+  for (const View& view : data_.views[next_]) add_view(view);
   apply(edit_);
   const double t1 = wall_seconds();
   summary_ = engine_.solve(solve_options_);
@@ -36,6 +37,36 @@ SlideReport OrielWindow::slide() {
   report.build = t1 - t0, report.solve = t2 - t1, report.fold = t3 - t2, report.wall = t3 - t0;
   count(report);
   return report;
+}
+
+SlideReport OrielWindow::pass() {
+  SlideReport report;
+  const int k = next_ - 1;
+  const double cpu0 = cpu_seconds(), t0 = wall_seconds();
+  edit_.clear();
+  add_state(next_, data_.stream.between[k].motion.motion, data_.between_noise[k]);
+  for (const View& view : data_.between_views[k]) add_view(view);
+  apply(edit_);
+  const double t1 = wall_seconds();
+  summary_ = engine_.solve(solve_options_);
+  const double t2 = wall_seconds();
+  remove_newest();
+  const double t3 = wall_seconds();
+  report.cpu = cpu_seconds() - cpu0;
+  report.build = t1 - t0, report.solve = t2 - t1, report.fold = t3 - t2, report.wall = t3 - t0;
+  count(report);
+  return report;
+}
+
+// With all factors on it.
+void OrielWindow::remove_newest() {
+  const State& newest = states_.back();
+  edit_.clear();
+  edit_.remove(newest.pose);
+  edit_.remove(newest.v);
+  edit_.remove(newest.bias);
+  apply(edit_);
+  states_.pop_back();
 }
 
 void OrielWindow::add_first_state() {
@@ -61,21 +92,16 @@ void OrielWindow::add_first_state() {
   edit_.add(prior);
 }
 
-void OrielWindow::add_state(int k) {
+void OrielWindow::add_state(int k, const PreintegratedImud& motion, const FullNoise<15>& noise) {
   const State last = states_.back();
-  const SimulatedKeyframe& frame = data_.stream.keyframes[k];
   const ImuBiasd bias = graph_.value(last.bias);
-  const PredictedState next = predict_state(frame.motion.motion, graph_.value(last.pose), graph_.value(last.v), bias);
+  const PredictedState next = predict_state(motion, graph_.value(last.pose), graph_.value(last.v), bias);
   const State s{k, edit_.add(next.T_world_body), edit_.add(next.v), edit_.add(bias)};
   states_.push_back(s);
-  edit_.add(ImuResiduald{frame.motion.motion}, data_.imu_noise[k], last.pose, last.v, last.bias, s.pose, s.v, s.bias);
+  edit_.add(ImuResiduald{motion}, noise, last.pose, last.v, last.bias, s.pose, s.v, s.bias);
 }
 
 const OrielWindow::State& OrielWindow::state_of(int k) const { return states_[k - states_.front().keyframe]; }
-
-void OrielWindow::add_observations(int k) {
-  for (const View& view : data_.views[k]) add_view(view);
-}
 
 void OrielWindow::add_view(const View& view) {
   const SimulatedObservation& o = *view.observation;
@@ -115,6 +141,7 @@ void OrielWindow::count(SlideReport& report) const {
   report.final_cost = summary_.final_cost;
   report.iterations = summary_.iterations;
   report.stages = summary_.seconds;
+  report.factor_flops = summary_.factor_flops, report.schur_flops = summary_.schur_flops;
   report.landmarks = summary_.landmark_dim;
   report.reprojections = static_cast<int>(summary_.factors);
 }

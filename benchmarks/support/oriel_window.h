@@ -15,6 +15,8 @@ class OrielWindow {
 
   // Adds the next keyframe, solves, and where the window is full lets the oldest one go.
   SlideReport slide();
+  // Takes in the frame after the newest keyframe, solves, and takes it out again.
+  SlideReport pass();
   const Summary& last_summary() const { return summary_; }
   // Newest pose, for a look at the drift.
   const Pose3d& newest_pose() const { return graph_.value(states_.back().pose); }
@@ -28,12 +30,12 @@ class OrielWindow {
     VariableId<ImuBiasd> bias;
   };
   void add_first_state();
-  void add_state(int k);
-  void add_observations(int k);
+  void add_state(int k, const PreintegratedImud& motion, const FullNoise<15>& noise);
   void add_view(const View& view);
   const State& state_of(int k) const;
   void apply(GraphEdit& edit);
   void fold_oldest();
+  void remove_newest();
   void count(SlideReport& report) const;
 
   const WindowData& data_;

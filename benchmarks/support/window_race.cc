@@ -21,14 +21,26 @@ std::vector<std::vector<View>> make_views(const SimulatedWindow& stream, bool st
   return views;
 }
 
+// The tracks of a frame between keyframes that the window has taken in by then.
+std::vector<View> views_between(const SimulatedWindow& stream, int k, bool stereo) {
+  std::vector<View> views;
+  for (const SimulatedObservation& o : stream.between[k].observations)
+    if (stereo || k - stream.tracks[o.track].anchor + 1 >= kMonoObservations) views.push_back({o.track, k + 1, &o});
+  return views;
+}
+
 }  // namespace
 
 WindowData simulate(const SimulatedWindowOptions& options, bool stereo) {
-  WindowData data{simulate_window(options), {}, {}};
+  WindowData data{simulate_window(options), {}, {}, {}, {}};
   data.views = make_views(data.stream, stereo);
   data.imu_noise.resize(data.stream.keyframes.size());
   for (std::size_t k = 1; k < data.stream.keyframes.size(); ++k)
     data.imu_noise[k] = imu_noise(data.stream.keyframes[k].motion);
+  for (int k = 0; k < std::ssize(data.stream.between); ++k) {
+    data.between_views.push_back(views_between(data.stream, k, stereo));
+    data.between_noise.push_back(imu_noise(data.stream.between[k].motion));
+  }
   return data;
 }
 

@@ -84,8 +84,15 @@ StereoRigd rig() {
   return r;
 }
 
+Time half_way(Time t0, Time t1) { return {t0.ns + (t1.ns - t0.ns) / 2}; }
+
+// The IMU of an interval, integrated over all of it and over its first half.
+struct MeasuredMotion {
+  Preintegration all, half;
+};
+
 // Integrates the IMU of one interval with its errors; the bias walks on.
-Preintegration measure_motion(const SimulatedWindowOptions& options, Time t0, Time t1, Random& random, ImuBiasd& bias) {
+MeasuredMotion measure_motion(const SimulatedWindowOptions& options, Time t0, Time t1, Random& random, ImuBiasd& bias) {
   const double dt = options.imu_interval.seconds(), root = std::sqrt(dt);
   const ImuBiasd start = bias;
   std::vector<ImuSample> samples;
@@ -101,12 +108,16 @@ Preintegration measure_motion(const SimulatedWindowOptions& options, Time t0, Ti
   ImuBiasd known = start;
   known.gyro += random.normals<3>(2e-4);
   known.accel += random.normals<3>(5e-3);
-  return *preintegrate(samples, t0, t1, known, options.imu);
+  MeasuredMotion measured;
+  measured.all = *preintegrate(samples, t0, t1, known, options.imu);
+  if (options.frames_between) measured.half = *preintegrate(samples, t0, half_way(t0, t1), known, options.imu);
+  return measured;
 }
 
 class Simulation {
  public:
-  explicit Simulation(const SimulatedWindowOptions& options) : options_(options), random_(options.seed) {
+  explicit Simulation(const SimulatedWindowOptions& options)
+      : options_(options), random_(options.seed), random_between_(~options.seed) {
     out_.rig = rig();
   }
 
@@ -128,16 +139,28 @@ class Simulation {
     for (int k = 0; k < options_.keyframes; ++k) {
       SimulatedKeyframe& frame = out_.keyframes.emplace_back();
       frame.time = {k * options_.keyframe_interval.ns};
-      if (k > 0) frame.motion = measure_motion(options_, out_.keyframes[k - 1].time, frame.time, random_, bias);
+      if (k > 0) {
+        const Time before = out_.keyframes[k - 1].time;
+        const MeasuredMotion measured = measure_motion(options_, before, frame.time, random_, bias);
+        frame.motion = measured.all;
+        if (options_.frames_between) add_between(half_way(before, frame.time), measured.half);
+      }
       const Motion m = motion_at(Duration{frame.time.ns}.seconds());
       frame.T_world_body = m.T_world_body, frame.v = m.v, frame.bias = bias;
     }
   }
 
+  void add_between(Time time, const Preintegration& motion) {
+    out_.between.push_back({time, motion_at(Duration{time.ns}.seconds()).T_world_body, motion, {}});
+  }
+
   // True pixel of a point of the world in camera c at keyframe k; false where it is not in the image.
   bool see(int k, int c, const Vec3d& p_world, Vec2d& pixel) const {
+    return see(out_.keyframes[k].T_world_body, c, p_world, pixel);
+  }
+  bool see(const Pose3d& T_world_body, int c, const Vec3d& p_world, Vec2d& pixel) const {
     const auto& mount = out_.rig.cameras[c];
-    const Vec3d p_body = out_.keyframes[k].T_world_body.inverse() * p_world;
+    const Vec3d p_body = T_world_body.inverse() * p_world;
     const Vec3d h = transposed_times(mount.R_body_camera, p_body - mount.t_body_camera);
     return h[2] > 0.3 && mount.camera.project(h, pixel, nullptr) && pixel[0] > 0 && pixel[0] < kWidth && pixel[1] > 0 &&
            pixel[1] < kHeight;
@@ -192,10 +215,19 @@ class Simulation {
       o.pixel1 += random_.normals<2>(options_.pixel_sigma);
       out_.keyframes[i].observations.push_back(o);
     }
+    for (int i = track.anchor; options_.frames_between && i + 1 < track.anchor + track.length; ++i)
+      observe_between(out_.between[i], p_world);
+  }
+  void observe_between(SimulatedFrame& frame, const Vec3d& p_world) {
+    SimulatedObservation o{static_cast<int>(out_.tracks.size()) - 1, {}, {}};
+    if (!see(frame.T_world_body, 0, p_world, o.pixel0) || !see(frame.T_world_body, 1, p_world, o.pixel1)) return;
+    o.pixel0 += random_between_.normals<2>(options_.pixel_sigma);
+    o.pixel1 += random_between_.normals<2>(options_.pixel_sigma);
+    frame.observations.push_back(o);
   }
 
   SimulatedWindowOptions options_;
-  Random random_;
+  Random random_, random_between_;  // two, so that keyframes are the same with and without frames between them
   SimulatedWindow out_;
 };
 

@@ -23,6 +23,7 @@ struct SimulatedWindowOptions {
   double pixel_sigma = 1.0;                 // of each coordinate of an observation [px]
   double depth_error = 0.1;                 // of the first guess of an inverse depth, relative
   ImuNoise imu{1.7e-4, 2.0e-3, 1.9e-5, 3.0e-3};
+  bool frames_between = false;  // a frame half way between two keyframes; the keyframes are the same without
 };
 
 // A landmark, seen in `length` successive keyframes from the one that anchors it on.
@@ -47,10 +48,19 @@ struct SimulatedKeyframe {
   std::vector<SimulatedObservation> observations;
 };
 
+// A frame that is no keyframe, half way to the next one.
+struct SimulatedFrame {
+  Time time;
+  Pose3d T_world_body;                             // the truth
+  Preintegration motion;                           // measured, from the keyframe before
+  std::vector<SimulatedObservation> observations;  // of tracks that both keyframes beside it see
+};
+
 struct SimulatedWindow {
   StereoRigd rig;
   std::vector<SimulatedTrack> tracks;  // in the order of their anchors
   std::vector<SimulatedKeyframe> keyframes;
+  std::vector<SimulatedFrame> between;  // after each keyframe but the last, where they were asked for
 };
 
 SimulatedWindow simulate_window(const SimulatedWindowOptions& options);
