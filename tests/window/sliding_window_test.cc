@@ -98,7 +98,7 @@ TEST_F(SlidingWindowTest, RefusesAndCountsBySensorWhatIsOlderThanItself) {
 struct TakesLate final : LateGroups {
   int folded = 0, told = 0, slid = 0;
   Time oldest{0};
-  bool fold(WindowCore&, const States&, const PendingFactors& pending, const PendingFactors::Group& group) override {
+  bool fold(WindowCore&, States&, const PendingFactors& pending, const PendingFactors::Group& group) override {
     oldest = group.oldest;
     return pending.factors(group).size() == 1 && ++folded > 0;
   }

@@ -11,8 +11,11 @@ namespace oriel {
 class LateGroups {
  public:
   virtual ~LateGroups() = default;
-  // Folds the group into the prior, by an edit of the core. False: it cannot (any more), and nothing has changed.
-  virtual bool fold(WindowCore& core, const States& states, const PendingFactors& pending,
+  // Where marginalization is to keep what it knows of the states that leave; null: nowhere.
+  virtual LateLedger* ledger() { return nullptr; }
+  // Folds the group into the prior, by an edit of the core. False: it cannot (any more), and nothing has changed. Of
+  // `states` it may ask the providers.
+  virtual bool fold(WindowCore& core, States& states, const PendingFactors& pending,
                     const PendingFactors::Group& group) = 0;
   // These states, and with them `variables`, are about to be marginalized, at the graph's values.
   virtual void before_slide(const Graph& graph, const States& states, std::span<const LeavingState> leaving,

@@ -46,6 +46,8 @@ class SlidingWindow {
   void add(std::unique_ptr<InsertionHook> hook) { hooks_.push_back(std::move(hook)); }
   void set(std::unique_ptr<WindowPolicy> policy) { policy_ = std::move(policy); }
   void set(std::unique_ptr<LateGroups> late) { late_ = std::move(late); }
+  // How long before the oldest state providers keep their raw motion, for states that come late (late_fusion.h).
+  void remember(Duration memory) { states_.remember(memory); }
   void listen(WindowListener* listener) { listeners_.push_back(listener); }
   WindowOptions& options() { return options_; }
 

@@ -150,7 +150,7 @@ void States::raise_horizon(ProviderId id, Time left) {
   const Time horizon = oldest != nullptr ? oldest->time : left + Duration{1};
   if (horizon <= chain.horizon) return;
   chain.horizon = horizon;
-  chain.provider->forget_before(horizon);
+  chain.provider->forget_before(horizon - memory_);
 }
 
 void States::mark_solved() {

@@ -82,6 +82,8 @@ class States {
   void follow(const Graph& graph);
   // No state is left, and times before `horizon` are too old.
   void clear(Time horizon = kNever);
+  // How long before the oldest state providers keep their measurements: for states that come late.
+  void remember(Duration memory) { memory_ = memory; }
   Time horizon(ProviderId id) const { return chains_[id.index].horizon; }
   bool staged() const { return !staged_.empty(); }
 
@@ -105,6 +107,7 @@ class States {
   void unlink(GraphEdit& edit, int chain, State& state);
   void insert(int chain, const State& state);
 
+  Duration memory_{0};
   std::vector<Chain> chains_;
   std::vector<Staged> staged_;
   std::vector<Gap> gaps_;

@@ -54,6 +54,7 @@ void SlidingWindow::take_late(const PendingFactors::Group& group) {
     return;
   }
   ++report_.late;
+  if (group.owner >= 0) builders_[group.owner]->entered(group.number, {}, {});
 }
 
 SlidingWindow::Entry SlidingWindow::refuse(const PendingFactors::Group& group, Refusal why) {

@@ -81,11 +81,15 @@ Result<void> SlidingWindow::marginalize_states() {
   leaving_variables_.clear();
   for (const LeavingState& l : leaving_)
     for (const VariableKey id : states_.timeline(l.provider).find(l.time)->all()) leaving_variables_.push_back(id);
-  if (late_) late_->before_slide(graph(), states_, leaving_, leaving_variables_);
+  MarginalizeOptions how = options_.marginalize;
+  if (late_) {
+    late_->before_slide(graph(), states_, leaving_, leaving_variables_);
+    if (how.ledger == nullptr) how.ledger = late_->ledger();
+  }
   Result<void> ok;
   if (!options_.keep_prior) {
     ok = core_.drop(leaving_variables_, options_.marginalize.landmarks);
-  } else if (auto report = core_.slide(leaving_variables_, options_.marginalize); report) {
+  } else if (auto report = core_.slide(leaving_variables_, how); report) {
     report_.slide = std::move(*report);
   } else {
     ok = report.error();
