@@ -18,8 +18,10 @@ namespace {
 struct NeesArguments {
   int runs = 200;
   std::uint64_t seed = 1;
-  double seconds = 25.0;
-  std::string json;
+  double seconds = 25.0, pixel_sigma = 1.0;
+  int tracks = 40, keyframes = 8;
+  bool mono = false;
+  std::string landmarks = "point", json;
 };
 
 // One way of running: the tables of its quantities.
@@ -67,6 +69,11 @@ Result<NeesReport> simulate(const NeesArguments& a, bool first_estimates) {
   report.first_estimates = first_estimates;
   ConsistencyOptions options = consistency_options(a.seconds);
   options.odometry.first_estimates = first_estimates;
+  options.world.cameras.pixel_sigma = options.odometry.visual.pixel_sigma = a.pixel_sigma;
+  options.world.cameras.tracks = options.odometry.keyframes.expected_tracks = a.tracks;
+  options.world.cameras.stereo = !a.mono;
+  options.odometry.keyframes.max_keyframes = a.keyframes;
+  if (a.landmarks == "inverse_depth") options.odometry.visual.landmarks = LandmarkModel::inverse_depth;
   for (int k = 0; k < a.runs; ++k) {
     const auto run = consistency_run(options, a.seed + static_cast<std::uint64_t>(k));
     if (!run) return run.error();
@@ -140,6 +147,12 @@ void add_nees_command(CLI::App& app, int& exit_code) {
   command->add_option("--runs", a->runs, "Simulated flights (200)")->check(whole_number(2, 1000000));
   command->add_option("--seed", a->seed, "Of the first flight (1)")->check(whole_number(0, 1LL << 53));
   command->add_option("--seconds", a->seconds, "Of each flight (25)")->check(number(2, 3600));
+  command->add_option("--pixel-sigma", a->pixel_sigma, "Noise of each coordinate [px] (1)")->check(number(0.01, 100));
+  command->add_option("--tracks", a->tracks, "In view of each frame (40)")->check(whole_number(8, 10000));
+  command->add_option("--keyframes", a->keyframes, "Of the window (8)")->check(whole_number(2, 100));
+  command->add_option("--landmarks", a->landmarks, "As the window has them (point)")
+      ->check(one_of({"point", "inverse_depth"}));
+  command->add_flag("--mono", a->mono, "The left camera alone");
   command->add_option("--json", a->json, "Report as one object; - is standard output");
   command->callback([a, &exit_code] { exit_code = run(*a); });
 }
