@@ -138,6 +138,16 @@ TEST(Accumulate, EqualsDenseProductsWithoutLandmarks) {
   }
 }
 
+// More entries than stay in a first-level cache 512 bytes apart are copied side by side before they are multiplied.
+TEST(Accumulate, EqualsDenseProductsOfLargeJacobians) {
+  RandomProblem p(8);
+  const auto a = p.variables<VectorNd<9>>(5);
+  const auto b = p.variables<VectorNd<6>>(5);
+  p.fix(a[2]);
+  for (int i = 0; i < 21; ++i) p.factor<9>(any_loss(p), p.any(a), p.any(b));
+  expect_dense(p, false, "9 × 15");
+}
+
 // Two landmarks of one factor: the second is kept, and is summed like any kept variable.
 TEST(Accumulate, EqualsDenseProductsWhereALandmarkIsKept) {
   RandomProblem p(6);

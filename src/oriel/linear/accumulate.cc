@@ -47,15 +47,16 @@ struct Tile {
 // P = Aᵀ B over residual rows; the lower half alone where A = B.
 template <int DA, int DB, bool kLower>
 void multiply(const Columns& a, const Columns& b, Tile& tile) {
-  const int dim = a.dim, stride = a.stride, rows = std::min(a.rows, b.rows);
+  const int dim = a.dim, rows = std::min(a.rows, b.rows);
   V8 p[Tile::kEntries];
   int e = 0;
   for (int c = 0; c < DB; ++c) {
     V8 s[DA];
-    for (int i = kLower ? c : 0; i < DA; ++i) s[i] = load(a.from + i * dim * stride) * load(b.from + c * dim * stride);
+    for (int i = kLower ? c : 0; i < DA; ++i)
+      s[i] = load(a.from + i * dim * a.stride) * load(b.from + c * dim * b.stride);
     for (int r = 1; r < rows; ++r) {
-      const V8 bc = load(b.from + (c * dim + r) * stride);
-      for (int i = kLower ? c : 0; i < DA; ++i) s[i] += load(a.from + (i * dim + r) * stride) * bc;
+      const V8 bc = load(b.from + (c * dim + r) * b.stride);
+      for (int i = kLower ? c : 0; i < DA; ++i) s[i] += load(a.from + (i * dim + r) * a.stride) * bc;
     }
     for (int i = kLower ? c : 0; i < DA; ++i) p[e++] = s[i];
   }
@@ -209,16 +210,17 @@ class Group {
 
   void gradient(std::size_t a) {
     const int da = plan_.arguments[a].dim;
-    const Columns& j = columns_[a];
-    for (int i = 0; i < da; ++i) {
-      V8 s{};
-      for (int r = 0; r < j.rows; ++r)
-        s += load(j.from + (i * j.dim + r) * j.stride) * load(batch_.r + r * kStride + lane_);
-      for (int l = 0; l < lanes_; ++l) {
-        const Target& t = target(l, a);
-        if (t.kind != Target::Kind::fixed && valid(l)) out_.gradient[t.offset + i] += s[l];
-      }
+    const Columns r = {batch_.r + lane_, batch_.dim, kStride, batch_.dim};
+    Destinations to;
+    for (int l = 0; l < lanes_; ++l) {
+      const Target& t = target(l, a);
+      if (t.kind != Target::Kind::fixed && valid(l))
+        to[l] = {out_.gradient.data() + t.offset, 0, PairAddress::Kind::stored};
     }
+    if (const Kernel kernel = find_kernel(da, 1))
+      kernel(columns_[a], r, to);
+    else
+      pair_fallback(da, 1, columns_[a], r, to);
   }
 
   // H, V or W: rows of the product are those of argument a, but a landmark's stand on the right.

@@ -88,6 +88,12 @@ struct Layout {
       entries += dim * landmark_dim;
     }
   }
+  // Of all other arguments; 0 where they differ or there are none.
+  int common_dim() const {
+    for (int k = 1; k < count; ++k)
+      if (others[k].dim != others[0].dim) return 0;
+    return count > 0 ? others[0].dim : 0;
+  }
 };
 
 // V (whole), g, then W by argument, of eight rows: entries of a lane stand together.
@@ -108,7 +114,26 @@ struct Products {
       else
         multiply_any(o.dim, dm, o.columns + lane, m, batch.dim, p + o.entry), ++fallbacks;
     }
-    for (int e = 0; e < layout.entries; e += 8) {
+    turn_over(p, layout.entries);
+  }
+  // A landmark of one number that `Others` poses see: all sums in registers at once.
+  template <int Others>
+  void fill_by_poses(const Layout& layout, const Batch& batch, int lane) {
+    V8 p[(2 + 6 * Others + 7) / 8 * 8] = {};
+    for (int r = 0; r < batch.dim; ++r) {
+      const V8 m = load(layout.landmark + lane + r * kStride);
+      p[0] += m * m;
+      p[1] += m * load(batch.r + lane + r * kStride);
+#pragma GCC unroll 2
+      for (int k = 0; k < Others; ++k)
+#pragma GCC unroll 6
+        for (int i = 0; i < 6; ++i)
+          p[2 + 6 * k + i] += load(layout.others[k].columns + lane + (i * batch.dim + r) * kStride) * m;
+    }
+    turn_over(p, layout.entries);
+  }
+  [[gnu::always_inline]] void turn_over(const V8* p, int entries) {
+    for (int e = 0; e < entries; e += 8) {
       V8 x[8];
 #pragma GCC unroll 8
       for (int k = 0; k < 8; ++k) x[k] = p[e + k];
@@ -119,31 +144,57 @@ struct Products {
   }
 };
 
+// Adds one row's products to V and g, and to the rows of W of its kept arguments. DM: dimension of the landmark; D: of
+// all other arguments, 0 where they differ.
+template <int DM, int D>
+void add_row(const LinearStructure& structure, const TablePlan& plan, const Layout& layout, std::size_t row,
+             const double* from, double* store) {
+  const LandmarkBlock& block = structure.landmarks()[static_cast<std::size_t>(plan.landmark[row])];
+  const std::size_t n = plan.arguments.size();
+  double* const v = store + block.v();  // g follows V
+  for (int i = 0; i < DM * (DM + 1); ++i) v[i] += from[i];
+  for (int k = 0; k < layout.count; ++k) {
+    const Layout::Other& o = layout.others[k];
+    const std::size_t at = row * n + static_cast<std::size_t>(o.argument);
+    if (plan.targets[at].kind != Target::Kind::kept) continue;
+    double* w = store + block.w() + plan.panel_row[at];
+    for (int q = 0; q < DM; ++q, w += block.rows) {
+      if constexpr (D > 0)
+        lanes::add<D>(w, from + o.entry + q * D);
+      else
+        add_any(w, from + o.entry + q * o.dim, o.dim);
+    }
+  }
+}
+using AddRow = void (*)(const LinearStructure&, const TablePlan&, const Layout&, std::size_t, const double*, double*);
+template <int DM>
+AddRow find_add_row(int dim) {
+  return dim == 6 ? &add_row<DM, 6> : dim == 9 ? &add_row<DM, 9> : &add_row<DM, 0>;
+}
+
 }  // namespace
 
 void accumulate_landmarks(const LinearStructure& structure, const TablePlan& plan, std::size_t first,
                           const Batch& batch, LinearSystem& out, std::int64_t& kernel_fallbacks) {
   const Layout layout(plan, batch);
-  const std::size_t n = plan.arguments.size();
-  const int dm = layout.landmark_dim, own = dm * (dm + 1);
+  const int dim = layout.common_dim();
+  const AddRow add_row = layout.landmark_dim == 1   ? find_add_row<1>(dim)
+                         : layout.landmark_dim == 2 ? find_add_row<2>(dim)
+                                                    : find_add_row<3>(dim);
+  const bool poses = layout.landmark_dim == 1 && (dim == 6 || layout.count == 0);
   double* const store = out.landmarks.data();
   Products products;
   for (int lane = 0; lane < batch.rows; lane += kLanes) {
-    products.fill(layout, batch, lane, kernel_fallbacks);
+    if (poses && layout.count == 2)
+      products.fill_by_poses<2>(layout, batch, lane);
+    else if (poses && layout.count == 0)
+      products.fill_by_poses<0>(layout, batch, lane);
+    else
+      products.fill(layout, batch, lane, kernel_fallbacks);
     for (int l = 0; l < kLanes && lane + l < batch.rows; ++l) {
       const std::size_t row = first + static_cast<std::size_t>(lane + l);
       if ((batch.valid >> (lane + l) & 1) == 0 || plan.landmark[row] < 0) continue;
-      const LandmarkBlock& block = structure.landmarks()[static_cast<std::size_t>(plan.landmark[row])];
-      const double* const from = products.by_lane[l];
-      double* const v = store + block.v();  // g follows V
-      for (int i = 0; i < own; ++i) v[i] += from[i];
-      for (int k = 0; k < layout.count; ++k) {
-        const Layout::Other& o = layout.others[k];
-        const std::size_t at = row * n + static_cast<std::size_t>(o.argument);
-        if (plan.targets[at].kind != Target::Kind::kept) continue;
-        double* w = store + block.w() + plan.panel_row[at];
-        for (int q = 0; q < dm; ++q, w += block.rows) add_any(w, from + o.entry + q * o.dim, o.dim);
-      }
+      add_row(structure, plan, layout, row, products.by_lane[l], store);
     }
   }
 }

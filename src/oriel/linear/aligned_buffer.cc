@@ -1,5 +1,6 @@
 #include "oriel/linear/aligned_buffer.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <new>
 #if defined(__linux__)
@@ -15,6 +16,8 @@ std::size_t alignment_of(std::size_t bytes) { return bytes >= kHugePage ? kHugeP
 
 void AlignedBuffer::reserve(std::int64_t count) {
   if (count <= capacity_) return;
+  // What has grown once will grow again: a window whose rows come to a new maximum now and then asks for memory seldom.
+  if (capacity_ > 0) count = std::max(count, capacity_ + capacity_ / 4);
   release();
   const std::size_t bytes = (static_cast<std::size_t>(count) * sizeof(double) + 63) / 64 * 64;
   data_ = static_cast<double*>(::operator new(bytes, std::align_val_t(alignment_of(bytes))));

@@ -19,8 +19,8 @@ Result<void> LinearStructure::build(const Graph& graph, const FactorOptions& opt
   number_kept(graph);
   plan_priors(graph);
   for (std::size_t t = 0; t < plan_count_; ++t) {
-    plan_table(*plans_[t].table, plans_[t]);
     group_rows(plans_[t]);
+    plan_table(*plans_[t].table, plans_[t]);
   }
   find_neighbours();
   place_landmarks();
@@ -278,11 +278,16 @@ Result<void> LinearStructure::analyze(const FactorOptions& options) {
   if (auto ok = factorization_.analyze(pattern_, chosen, order_); !ok) return ok;
   small_table_.clear();
   if (connected_.empty() || kept_.empty()) return {};
-  const int n = static_cast<int>(kept_.size());
-  small_table_.resize(static_cast<std::size_t>(n) * n);
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j)
-      if (factorization_.has(i, j)) small_table_[static_cast<std::size_t>(i) * n + j] = factorization_.address(i, j);
+  const std::size_t n = kept_.size();
+  small_table_.resize(n * n);
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = 0; j <= i; ++j) {
+      if (i != j && connected_[i * n + j] == 0 && connected_[j * n + i] == 0) continue;
+      BlockAddress at = factorization_.address(static_cast<int>(i), static_cast<int>(j));
+      small_table_[i * n + j] = at;
+      at.transposed = at.transposed != (i != j);
+      small_table_[j * n + i] = at;
+    }
   return {};
 }
 

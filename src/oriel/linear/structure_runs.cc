@@ -16,6 +16,14 @@ constexpr std::size_t kMostRows = 16384;  // larger tables keep their order, whi
 constexpr std::size_t kMostKept = 96;     // kept blocks up to which pairs of them are counted in a table
 constexpr std::size_t kLeastMeanRun = 4;  // rows; shorter runs would be mostly padding
 
+// That of an argument of a row, before plan_table has filled them in.
+const Target& target_of(const LinearStructure& structure, const TablePlan& plan, std::size_t row,
+                        std::size_t argument) {
+  const TablePlan::Argument& a = plan.arguments[argument];
+  const auto arity = static_cast<std::size_t>(plan.table->arity());
+  return structure.target(a.pool, plan.dense[row * arity + static_cast<std::size_t>(a.arg)]);
+}
+
 }  // namespace
 
 void LinearStructure::set_active(TablePlan& plan) {
@@ -35,7 +43,7 @@ int LinearStructure::find_landmark_argument(const TablePlan& plan) const {
     if (found >= 0) return -1;
     found = static_cast<int>(a);
     for (std::size_t r = 0; r < plan.rows.size(); ++r)
-      if (plan.targets[r * n + a].kind == Target::Kind::kept) return -1;
+      if (target_of(*this, plan, r, a).kind == Target::Kind::kept) return -1;
   }
   return found;
 }
@@ -51,7 +59,7 @@ bool LinearStructure::count_runs(const TablePlan& plan) {
     std::size_t key = 0;
     for (std::size_t a = 0; a < n; ++a) {
       if (plan.arguments[a].landmark_type) continue;
-      const Target& t = plan.targets[r * n + a];
+      const Target& t = target_of(*this, plan, r, a);
       key = key * base + (t.kind == Target::Kind::kept ? static_cast<std::size_t>(t.index) + 1 : 0);
     }
     run_key_[r] = static_cast<std::uint32_t>(key);
@@ -92,7 +100,6 @@ void LinearStructure::group_rows(TablePlan& plan) {
   }
   plan.rows.swap(grouped_rows_);
   plan.dense.swap(grouped_dense_);
-  plan_table(*plan.table, plan);
 }
 
 // A run ends at a batch's end and goes on in the next.
