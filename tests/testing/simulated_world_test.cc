@@ -10,6 +10,7 @@
 #include "oriel/residual/between.h"
 #include "oriel/residual/body_velocity.h"
 #include "oriel/residual/gnss.h"
+#include "oriel/residual/imu_residual.h"
 #include "oriel/residual/range.h"
 #include "oriel/residual/reprojection.h"
 #include "oriel/sensor/preintegration.h"
@@ -128,6 +129,41 @@ TEST(SimulatedWorld, HasWhiteImuNoiseOfItsDensityAndBiasesThatWalkAsTheyShould) 
   const ImuBiasd early = world->truth(o.start + Duration::from_seconds(1.0)).bias;
   EXPECT_NE(late.accel, early.accel);
   EXPECT_EQ(world->truth(o.start + Duration::from_seconds(100.0)).bias.accel, late.accel);  // asked backwards and again
+}
+
+// W16: samples as a sensor gives them (noise at each sample, shared by the steps before and after it), preintegrated by
+// `preintegrate`: the residual at the truth, whitened by the covariance that is claimed, has unit variance.
+TEST(SimulatedWorld, HasAnImuWhosePreintegratedResidualsAtTheTruthAreTheirNoise) {
+  Chi all, rotation, velocity, position, biases;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SimulatedWorldOptions o;
+    o.seed = seed;
+    o.seconds = 40.0;
+    o.cameras.timing.rate_hz = 0.0;
+    auto world = SimulatedWorld::make(o);
+    std::vector<ImuSample> samples;
+    for (SimulatedMeasurement m; world->next(m);) samples.push_back(m.imu);
+    for (std::int64_t k = 0; k < 80; ++k) {
+      const Time t0 = o.start + Duration{k * 500'000'000}, t1 = t0 + Duration{500'000'000};
+      const SimulatedTruth a = world->truth(t0), b = world->truth(t1);
+      const auto motion = preintegrate(samples, t0, t1, a.bias, o.imu.noise);
+      ASSERT_TRUE(motion.ok()) << motion.error();
+      Vec<double, 15> r;
+      (void)ImuResiduald{motion->motion}.evaluate(a.T_world_body, a.velocity, a.bias, b.T_world_body, b.velocity,
+                                                  b.bias, r, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr);
+      const auto& P = motion->covariance;
+      const auto sigmas = [&](int first) {
+        return Vec3d{{r[first] / std::sqrt(P(first, first)), r[first + 1] / std::sqrt(P(first + 1, first + 1)),
+                      r[first + 2] / std::sqrt(P(first + 2, first + 2))}};
+      };
+      rotation.add(sigmas(0)), velocity.add(sigmas(3)), position.add(sigmas(6));
+      biases.add(sigmas(9)), biases.add(sigmas(12));
+      Mat<double, 15, 1> white = r;
+      FullNoise<15>::whiten(imu_noise(*motion).w, white);
+      all.add(white);
+    }
+  }
+  for (const Chi& chi : {all, rotation, velocity, position, biases}) chi.expect_unit();
 }
 
 TEST(SimulatedWorld, HasPixelsGnssOdometryAndRangesWhoseResidualsAtTheTruthAreTheirNoise) {
