@@ -18,7 +18,7 @@ namespace {
 struct NeesArguments {
   int runs = 200;
   std::uint64_t seed = 1;
-  double seconds = 25.0, pixel_sigma = 1.0;
+  double seconds = 25.0, pixel_sigma = 1.0, start = 1.0;
   int tracks = 40, keyframes = 8;
   bool mono = false;
   std::string landmarks = "point", json;
@@ -70,6 +70,9 @@ Result<NeesReport> simulate(const NeesArguments& a, bool first_estimates) {
   ConsistencyOptions options = consistency_options(a.seconds);
   options.odometry.first_estimates = first_estimates;
   options.world.cameras.pixel_sigma = options.odometry.visual.pixel_sigma = a.pixel_sigma;
+  options.start.pose *= a.start;
+  for (double* sigma : {&options.start.velocity, &options.start.gyro_bias, &options.start.accel_bias})
+    *sigma *= a.start;
   options.world.cameras.tracks = options.odometry.keyframes.expected_tracks = a.tracks;
   options.world.cameras.stereo = !a.mono;
   options.odometry.keyframes.max_keyframes = a.keyframes;
@@ -148,6 +151,8 @@ void add_nees_command(CLI::App& app, int& exit_code) {
   command->add_option("--seed", a->seed, "Of the first flight (1)")->check(whole_number(0, 1LL << 53));
   command->add_option("--seconds", a->seconds, "Of each flight (25)")->check(number(2, 3600));
   command->add_option("--pixel-sigma", a->pixel_sigma, "Noise of each coordinate [px] (1)")->check(number(0.01, 100));
+  command->add_option("--start", a->start, "Factor on the uncertainty of the first state (1)")
+      ->check(number(0.01, 100));
   command->add_option("--tracks", a->tracks, "In view of each frame (40)")->check(whole_number(8, 10000));
   command->add_option("--keyframes", a->keyframes, "Of the window (8)")->check(whole_number(2, 100));
   command->add_option("--landmarks", a->landmarks, "As the window has them (point)")
