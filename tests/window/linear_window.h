@@ -17,7 +17,9 @@ struct Measured {
   int landmark = 0;
   std::array<double, 3> z{};
   double sigma = 0.1;
-  bool bad = false;  // it goes in as a NaN
+  bool bad = false;    // it goes in as a NaN
+  int sensor = 0;      // of a group: that of its first factor
+  bool stale = false;  // its landmark's id is from before the window began anew
 };
 using MeasuredGroup = std::vector<Measured>;
 
@@ -26,6 +28,10 @@ class LinearBuilder final : public FactorBuilder {
   ProviderId positions, levels;
   std::vector<MeasuredGroup> queue;
   std::vector<MeasuredGroup> taken;
+  std::vector<std::vector<FactorId>> taken_factors;  // their ids, group by group
+  std::vector<MeasuredGroup> not_taken;              // where they are kept
+  bool keeps_refused = false;
+  std::vector<const char*> sensors = {"linear"};
   std::vector<std::optional<VariableId<Point2d>>> landmarks;
   int refusals = 0;
 
@@ -34,27 +40,33 @@ class LinearBuilder final : public FactorBuilder {
     std::size_t kept = 0;
     for (MeasuredGroup& group : queue) {
       if (waits(group))
-        queue[kept++] = std::move(group);
+        std::swap(queue[kept++], group);
       else
         send(std::move(group), pending);
     }
     queue.resize(kept);
   }
-  void entered(std::uint64_t number, std::span<const VariableKey> variables, std::span<const FactorId>) override {
+  void entered(std::uint64_t number, std::span<const VariableKey> variables,
+               std::span<const FactorId> factors) override {
     std::size_t next = 0;
     for (const int l : sent_[number].brings) landmarks[l] = VariableId<Point2d>{variables[next++].key};
     for (const int l : sent_[number].brings) in_flight_.erase(l);
     taken.push_back(std::move(sent_[number].group));
+    taken_factors.emplace_back(factors.begin(), factors.end());
     sent_.erase(number);
   }
   void refused(std::uint64_t number) override {
     for (const int l : sent_[number].brings) in_flight_.erase(l);
+    if (keeps_refused) not_taken.push_back(std::move(sent_[number].group));
     sent_.erase(number);
     ++refusals;
   }
   void reset() override {
-    taken.clear();
+    taken.clear(), taken_factors.clear();
     for (auto& l : landmarks) l.reset();
+    for (auto& [number, sent] : sent_)
+      for (Measured& m : sent.group)
+        m.stale = sees(m) && std::find(sent.brings.begin(), sent.brings.end(), m.landmark) == sent.brings.end();
   }
   std::size_t waiting() const { return sent_.size(); }
 
@@ -72,7 +84,7 @@ class LinearBuilder final : public FactorBuilder {
   void send(MeasuredGroup group, PendingFactors& pending) {
     Sent sent;
     std::map<int, VariableId<Point2d>> ids;
-    const std::uint64_t number = pending.begin();
+    const std::uint64_t number = pending.begin(pending.sensor(sensors[group[0].sensor]));
     for (const Measured& m : group) {
       if (!sees(m) || ids.count(m.landmark) > 0) continue;
       if (static_cast<std::size_t>(m.landmark) >= landmarks.size()) landmarks.resize(m.landmark + 1);
@@ -161,7 +173,7 @@ struct LinearWindow {
     level->moved.add(at_ms(ms), levelled), all_levelled.add(at_ms(ms), levelled);
   }
   Measured measured(Measured::Kind kind, std::int64_t a_ms, std::int64_t b_ms = 0, int landmark = 0) {
-    Measured m{kind, at_ms(a_ms), at_ms(b_ms), landmark, {}, 0.0, false};
+    Measured m{kind, at_ms(a_ms), at_ms(b_ms), landmark, {}, 0.0, false, 0, false};
     for (double& z : m.z) z = uniform(-5, 5);
     m.sigma = uniform(0.05, 0.5);
     return m;

@@ -1,0 +1,49 @@
+// Random operations against a dense model. Long: ORIEL_FUZZ_OPERATIONS=10000000 oriel_test_window
+// --gtest_filter='WindowFuzz.*'; one run again: ORIEL_FUZZ_SEED=... beside it.
+#include "window_fuzz.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+namespace oriel {
+namespace {
+
+using namespace linear_world;
+
+std::int64_t from_environment(const char* name, std::int64_t otherwise) {
+  const char* text = std::getenv(name);
+  return text == nullptr ? otherwise : std::atoll(text);
+}
+
+// W4, W5, W6, W7, W8, W9, W11, W12, W13, W15
+TEST(WindowFuzz, FindsNoDifferenceFromADenseModelUnderRandomOperations) {
+  const std::int64_t wanted = from_environment("ORIEL_FUZZ_OPERATIONS", 10000);
+  const std::int64_t seed = from_environment("ORIEL_FUZZ_SEED", -1);
+  std::int64_t done = 0;
+  double worst = 0.0;
+  WindowFuzz::Counts all;
+  for (unsigned run = seed < 0 ? 1 : static_cast<unsigned>(seed); done < wanted; ++run) {
+    WindowFuzz fuzz(run);
+    int steps = 0;
+    while (fuzz.operations() < 2000 && fuzz.step()) ++steps;
+    ASSERT_EQ(fuzz.difference(), "") << "seed " << run << ", update " << steps;
+    done += fuzz.operations();
+    worst = std::max(worst, fuzz.worst());
+    const WindowFuzz::Counts& c = fuzz.counts();
+    all.updates += c.updates, all.entered += c.entered, all.refused += c.refused, all.removed += c.removed;
+    all.failed_solves += c.failed_solves, all.marginalized += c.marginalized, all.resets += c.resets;
+    all.waited += c.waited, all.failed_slides += c.failed_slides;
+    if (seed >= 0) break;
+  }
+  std::cout << done << " operations, " << all.updates << " updates: " << all.entered << " groups entered, "
+            << all.refused << " were refused, " << all.waited << " times one waited; " << all.marginalized
+            << " states marginalized, " << all.removed << " removed; " << all.failed_solves << " failed solves, "
+            << all.failed_slides << " failed slides, " << all.resets << " resets; largest difference " << worst << '\n';
+  if (seed >= 0) return;
+  for (const std::int64_t n : {all.entered, all.refused, all.marginalized, all.removed, all.failed_solves, all.resets})
+    EXPECT_GT(n, 0);
+}
+
+}  // namespace
+}  // namespace oriel
