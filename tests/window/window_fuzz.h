@@ -65,6 +65,11 @@ class WindowFuzz {
                  removed = 0, resets = 0, waited = 0;
   };
   const Counts& counts() const { return counts_; }
+  // What the last update said, for people.
+  std::string last() const {
+    const WindowUpdate& u = w_.window.last_update();
+    return "entered " + std::to_string(u.entered) + ", refused " + reasons(u) + (faulty_ ? ", with a fault" : "");
+  }
 
  private:
   static WindowOptions options(unsigned seed) {

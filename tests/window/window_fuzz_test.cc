@@ -27,7 +27,7 @@ TEST(WindowFuzz, FindsNoDifferenceFromADenseModelUnderRandomOperations) {
     WindowFuzz fuzz(run);
     int steps = 0;
     while (fuzz.operations() < 2000 && fuzz.step()) ++steps;
-    ASSERT_EQ(fuzz.difference(), "") << "seed " << run << ", update " << steps;
+    ASSERT_EQ(fuzz.difference(), "") << "seed " << run << ", update " << steps << ", " << fuzz.last();
     done += fuzz.operations();
     worst = std::max(worst, fuzz.worst());
     const WindowFuzz::Counts& c = fuzz.counts();

@@ -40,10 +40,12 @@ class WindowModel {
 
   // ---- what happens ----
   void enter(const MeasuredGroup& group, const std::vector<FactorId>& factors) {
-    for (std::size_t k = 0; k < group.size(); ++k) {
-      if (group[k].bad) wrong = "a NaN entered";
-      for (const auto& [chain, time] : times(group[k])) add_state(chain, time);
+    std::set<std::pair<Time, int>> named;  // in the order of time
+    for (const Measured& m : group) {
+      if (m.bad) wrong = "a NaN entered";
+      for (const auto& [chain, time] : times(m)) named.emplace(time, chain);
     }
+    for (const auto& [time, chain] : named) add_state(chain, time);
     for (std::size_t k = 0; k < group.size(); ++k) {
       Row row = row_of(group[k]);
       row.factor = factors[k];
@@ -60,7 +62,8 @@ class WindowModel {
       for (const Unknown& u : unknowns(chain, time))
         rows_.push_back({{{u}}, Eigen::VectorXd::Zero(u.dim()), kFirstSigma, {}});
     } else if (after == line.begin()) {
-      wrong = "a state came before the first";
+      wrong = "a state came before the first: " + std::to_string(time.ns / 1000000) + " [ms] of chain " +
+              std::to_string(chain) + ", which begins at " + std::to_string(line.begin()->first.ns / 1000000);
     } else if (after != line.end() && after->second.severed) {
       wrong = "a state came between two whose motion is in the prior";
     }
