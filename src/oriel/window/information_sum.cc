@@ -13,7 +13,6 @@ namespace oriel {
 namespace {
 
 constexpr int kLanes = Pack::kLanes, kStride = Batch::kRows;
-constexpr int kTile = 6;  // columns of a product tile
 constexpr int kLargestLandmark = 3;
 using V8 = Pack::Native;
 
@@ -23,38 +22,6 @@ V8 load(const double* p) {
   return v;
 }
 void store(double* p, V8 v) { std::memcpy(p, &v, sizeof(v)); }
-double sum(V8 v) {
-  const V8 a = v + __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3);
-  const V8 b = a + __builtin_shufflevector(a, a, 2, 3, 0, 1, 6, 7, 4, 5);
-  return b[0] + b[1];
-}
-// 1 for the lanes of group [g, g + 8) within [begin, end).
-V8 mask(int g, int begin, int end) {
-  V8 m;
-  for (int l = 0; l < kLanes; ++l) m[l] = g + l >= begin && g + l < end ? 1.0 : 0.0;
-  return m;
-}
-
-// out[i] = Σ over lanes [begin, end) and residual rows of column x[i] times column y, i < W.
-template <int W>
-void products(const double* const* x, const double* y, int dim, int begin, int end, double* out) {
-  V8 s[W] = {};
-  for (int g = begin / kLanes * kLanes; g < end; g += kLanes) {
-    const bool whole = g >= begin && g + kLanes <= end;
-    const V8 m = whole ? V8{} + 1.0 : mask(g, begin, end);
-    for (int r = 0; r < dim; ++r) {
-      const V8 b = load(y + r * kStride + g) * m;
-#pragma GCC unroll 8
-      for (int i = 0; i < W; ++i) s[i] += load(x[i] + r * kStride + g) * b;
-    }
-  }
-#pragma GCC unroll 8
-  for (int i = 0; i < W; ++i) out[i] = sum(s[i]);
-}
-using Products = void (*)(const double* const*, const double*, int, int, int, double*);
-constexpr Products kProducts[kTile + 1] = {nullptr,     products<1>, products<2>, products<3>,
-                                           products<4>, products<5>, products<6>};
-
 // Lower Cholesky factor of a landmark's block; a pivot that is rounding error gets a zero row and column.
 struct SmallCholesky {
   double l[kLargestLandmark][kLargestLandmark] = {}, inverse[kLargestLandmark] = {};
@@ -110,7 +77,6 @@ void InformationSum::add(const AbsorbedBatch& b) {
     while (end < b.batch->rows && same(begin, end)) ++end;
     lay_out(b, begin);
     add_products(*b.batch, begin, end);
-    add_gradient(*b.batch, begin, end);
     if (landmark_arg_ >= 0) add_landmarks(b, begin, end);
     begin = end;
   }
@@ -134,35 +100,20 @@ void InformationSum::lay_out(const AbsorbedBatch& b, int lane) {
   }
 }
 
-// H += JᵀJ of all rows of the run: their sums are made in registers and added once.
+// H += JᵀJ and g += Jᵀr of all rows of the run.
 void InformationSum::add_products(const Batch& batch, int begin, int end) {
-  const int k = static_cast<int>(columns_.size()), stride = batch.dim * kStride;
-  const double* x[kTile];
-  double out[kTile];
-  for (int i0 = 0; i0 < k; i0 += kTile) {
-    const int w = std::min(kTile, k - i0);
-    for (int i = 0; i < w; ++i) x[i] = batch.J + columns_[i0 + i] * stride;
-    for (int c = 0; c < i0 + w; ++c) {
-      kProducts[w](x, batch.J + columns_[c] * stride, batch.dim, begin, end, out);
-      for (int i = std::max(0, c - i0); i < w; ++i) {
-        const int row = targets_[i0 + i], column = targets_[c];
-        const bool twice = row == column && i0 + i != c;  // one variable in two places of a factor
-        *at(std::max(row, column), std::min(row, column)) += twice ? 2.0 * out[i] : out[i];
-      }
+  const int k = static_cast<int>(columns_.size());
+  products_.pack(batch, columns_, begin, end);
+  products_.for_each([&](int i, int c, double product) {
+    const int row = targets_[i];
+    if (c == k) {
+      g_.data()[row] += product;
+      return;
     }
-  }
-}
-
-void InformationSum::add_gradient(const Batch& batch, int begin, int end) {
-  const int k = static_cast<int>(columns_.size()), stride = batch.dim * kStride;
-  const double* x[kTile];
-  double out[kTile];
-  for (int i0 = 0; i0 < k; i0 += kTile) {
-    const int w = std::min(kTile, k - i0);
-    for (int i = 0; i < w; ++i) x[i] = batch.J + columns_[i0 + i] * stride;
-    kProducts[w](x, batch.r, batch.dim, begin, end, out);
-    for (int i = 0; i < w; ++i) g_.data()[targets_[i0 + i]] += out[i];
-  }
+    const int column = targets_[c];
+    const bool twice = row == column && i != c;  // one variable in two places of a factor
+    *at(std::max(row, column), std::min(row, column)) += twice ? 2.0 * product : product;
+  });
 }
 
 // V, g and W of the landmarks: eight products at once, each added where its lane's landmark is.

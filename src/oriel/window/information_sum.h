@@ -9,6 +9,7 @@
 #include "oriel/linear/aligned_buffer.h"
 #include "oriel/linear/prior_product.h"
 #include "oriel/window/absorbed_batch.h"
+#include "oriel/window/run_products.h"
 
 namespace oriel {
 
@@ -32,7 +33,6 @@ class InformationSum {
   struct Run;  // rows of a batch that touch the same variables, landmarks apart
   void lay_out(const AbsorbedBatch& batch, int lane);
   void add_products(const Batch& batch, int begin, int end);
-  void add_gradient(const Batch& batch, int begin, int end);
   void scale();
   bool factor_at_once();
   void step(int p, int block);
@@ -45,6 +45,7 @@ class InformationSum {
   const MarginalComponent* component_ = nullptr;
   int n_ = 0, ld_ = 0, panel_ld_ = 0;
   PriorProduct prior_product_;
+  RunProducts products_;
   AlignedBuffer h_, panel_, g_, factor_, scale_, active_;
   int steps_ = 0;  // rows of the factor so far
   std::vector<double> landmark_v_, landmark_g_, taken_, right_, diagonal_, threshold_, inverse_;
