@@ -119,20 +119,27 @@ struct Products {
   // A landmark of one number that `Others` poses see: all sums in registers at once.
   template <int Others>
   void fill_by_poses(const Layout& layout, const Batch& batch, int lane) {
-    V8 p[(2 + 6 * Others + 7) / 8 * 8] = {};
+    constexpr int kEntries = 2 + 6 * Others;
+    V8 p[kEntries] = {};
     for (int r = 0; r < batch.dim; ++r) {
       const V8 m = load(layout.landmark + lane + r * kStride);
       p[0] += m * m;
       p[1] += m * load(batch.r + lane + r * kStride);
-#pragma GCC unroll 2
-      for (int k = 0; k < Others; ++k)
-#pragma GCC unroll 6
-        for (int i = 0; i < 6; ++i)
-          p[2 + 6 * k + i] += load(layout.others[k].columns + lane + (i * batch.dim + r) * kStride) * m;
+#pragma GCC unroll 12
+      for (int i = 0; i < 6 * Others; ++i)
+        p[2 + i] += load(layout.others[i / 6].columns + lane + (i % 6 * batch.dim + r) * kStride) * m;
     }
-    turn_over(p, layout.entries);
+#pragma GCC unroll 2
+    for (int e = 0; e < kEntries; e += 8) {
+      V8 x[8];
+#pragma GCC unroll 8
+      for (int k = 0; k < 8; ++k) x[k] = e + k < kEntries ? p[e + k] : V8{};
+      turn(x);
+#pragma GCC unroll 8
+      for (int l = 0; l < kLanes; ++l) store(&by_lane[l][e], x[l]);
+    }
   }
-  [[gnu::always_inline]] void turn_over(const V8* p, int entries) {
+  void turn_over(const V8* p, int entries) {
     for (int e = 0; e < entries; e += 8) {
       V8 x[8];
 #pragma GCC unroll 8
