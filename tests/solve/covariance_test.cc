@@ -119,6 +119,45 @@ TEST(Covariance, IsZeroForWhatIsFixed) {  // L11
   for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR((*c)[i], expected[i], 1e-15);
 }
 
+struct Squared {
+  static constexpr std::string_view kName = "test.squared_covariance/1";
+  using Variables = Types<Scalar>;
+  double value = 4.0;
+  template <class S>
+  S operator()(const VectorN<S, 1>& x) const {
+    return x.v[0] * x.v[0] - S(value);
+  }
+};
+
+// The slope of x² at its first estimate 1 is 2, at the solution 2 it is 4.
+TEST(Covariance, TakesJacobiansWhereTheLastSolveTookThem) {  // L11
+  Graph graph;
+  GraphEdit edit = graph.edit();
+  const auto x = edit.add(Scalar{{{1.0}}});
+  edit.add(Squared{}, Sigma(1.0), x);
+  LinearPrior weak;
+  weak.variables = {x};
+  weak.rows = weak.cols = 1;
+  weak.estimates = {1.0};
+  weak.d = {0.0};
+  weak.R = {1e-6};
+  edit.add(weak);
+  ASSERT_TRUE(graph.apply(edit));
+  NativeEngine engine(graph);
+  for (const bool first_estimates : {true, false, true}) {
+    SolveOptions options;
+    options.first_estimates = first_estimates;
+    ASSERT_FALSE(engine.solve(options).failed());
+    ASSERT_NEAR(graph.value(x).v[0], 2.0, 1e-6);
+    for (int round = 0; round < 2; ++round) {
+      const auto c = engine.covariance(x);
+      ASSERT_TRUE(c) << c.error();
+      EXPECT_NEAR((*c)(0, 0), first_estimates ? 0.25 : 0.0625, 1e-6);
+      engine.drop_caches();
+    }
+  }
+}
+
 struct Steep {  // finite r and J, whose JᵀJ overflows once it is asked to
   static constexpr std::string_view kName = "test.steep_covariance/1";
   static constexpr int kDim = 1;
