@@ -53,20 +53,22 @@ VariableKey PendingFactors::add_variable(VariableKey (*adder)(GraphEdit&, const 
 
 void PendingFactors::add_factor(const Factor& factor, const void* measurement, const void* noise,
                                 std::span<const PendingRef> refs) {
-  check(open_, "PendingFactors::add: outside of begin() and end()");
-  Group& g = groups_.back();
   Factor& f = factors_.emplace_back(factor);
   f.measurement = store(measurement, f.ops->measurement_bytes);
   f.noise = store(noise, f.ops->noise_bytes);
   f.first_ref = static_cast<std::uint32_t>(refs_.size());
-  for (const PendingRef& ref : refs) {
-    refs_.push_back(ref);
-    if (!ref.of_state) continue;
-    g.oldest = g.has_states ? std::min(g.oldest, ref.time) : ref.time;
-    g.newest = g.has_states ? std::max(g.newest, ref.time) : ref.time;
-    g.has_states = true;
-  }
-  ++g.factors;
+  for (const PendingRef& ref : refs) add_ref(ref);
+  ++groups_.back().factors;
+}
+
+void PendingFactors::add_ref(const PendingRef& ref) {
+  check(open_, "PendingFactors::add: outside of begin() and end()");
+  refs_.push_back(ref);
+  if (!ref.of_state) return;
+  Group& g = groups_.back();
+  g.oldest = g.has_states ? std::min(g.oldest, ref.time) : ref.time;
+  g.newest = g.has_states ? std::max(g.newest, ref.time) : ref.time;
+  g.has_states = true;
 }
 
 void PendingFactors::end() {

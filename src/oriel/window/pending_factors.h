@@ -108,6 +108,11 @@ class PendingFactors {
   }
   template <Residual R, class Noise, PendingArgument... A>
   void add(const R& residual, const Noise& noise, const Loss& loss, const A&... variables);
+  // The group makes that state, whether or not a factor names it: a frame in which everything is new.
+  template <Variable V>
+  void need(const At<V>& state) {
+    add_ref(state);
+  }
   void end();
 
   // ---- what the window does ----
@@ -116,6 +121,7 @@ class PendingFactors {
   std::span<const PendingRef> refs(const Factor& f) const {
     return {refs_.data() + f.first_ref, f.ops->variables.size()};
   }
+  std::span<const PendingRef> refs(const Group& g) const { return {refs_.data() + g.first_ref, g.refs}; }
   const void* measurement(const Factor& f) const { return bytes_.data() + f.measurement; }
   const void* noise(const Factor& f) const { return bytes_.data() + f.noise; }
   Readiness readiness(const Group& group, const Graph& graph, const States& states) const;
@@ -137,6 +143,7 @@ class PendingFactors {
   std::size_t store(const void* data, std::size_t bytes);
   VariableKey add_variable(VariableKey (*adder)(GraphEdit&, const void*), std::uint64_t type, const void* value,
                            std::size_t bytes);
+  void add_ref(const PendingRef& ref);
   void add_factor(const Factor& factor, const void* measurement, const void* noise, std::span<const PendingRef> refs);
   Readiness readiness(const Group& group, const PendingRef& ref, const Graph& graph, const States& states) const;
 

@@ -124,8 +124,8 @@ class SlidingWindow {
   std::vector<States::Made> named_;   // by a group, or by batch builders
   std::vector<std::pair<ProviderId, Time>> wanted_;
   // Of the group that is entering: its factors, its variables, and those of states that were made for it.
-  std::vector<FactorId> factors_;
-  std::vector<VariableKey> variables_, state_variables_;
+  std::vector<FactorId> factors_, came_factors_;  // what is there now; what it came with, whatever hooks took out
+  std::vector<VariableKey> variables_, came_variables_, state_variables_;
   std::vector<States::Made> made_;
   std::vector<LeavingState> leaving_;
   std::vector<VariableKey> leaving_variables_;

@@ -43,7 +43,7 @@ SlidingWindow::Entry SlidingWindow::enter(const PendingFactors::Group& group) {
   if (passed != Entry::entered) return passed;
   ++report_.entered;
   report_.states_made += static_cast<int>(made_.size());
-  if (group.owner >= 0) builders_[group.owner]->entered(group.number, variables_, factors_);
+  if (group.owner >= 0) builders_[group.owner]->entered(group.number, came_variables_, came_factors_);
   return Entry::entered;
 }
 
@@ -82,6 +82,8 @@ SlidingWindow::Entry SlidingWindow::put(const PendingFactors::Group& group) {
   Result<void> ok;
   if (made == Readiness::ready) {
     pending_.insert(group, states_, edit, variables_, factors_);
+    came_variables_ = variables_;
+    came_factors_ = factors_;
     state_variables_.assign(states_.new_variables().begin(), states_.new_variables().end());
     made_.assign(states_.new_states().begin(), states_.new_states().end());
     ok = core_.commit();
@@ -104,9 +106,8 @@ SlidingWindow::Entry SlidingWindow::put(const PendingFactors::Group& group) {
 // cannot say yet how it moved to the next that the group names: then the group waits as a whole.
 Readiness SlidingWindow::make_states(GraphEdit& edit, const PendingFactors::Group& group) {
   named_.clear();
-  for (const PendingFactors::Factor& f : pending_.factors(group))
-    for (const PendingRef& ref : pending_.refs(f))
-      if (ref.of_state) named_.push_back({ref.provider, ref.time});
+  for (const PendingRef& ref : pending_.refs(group))
+    if (ref.of_state) named_.push_back({ref.provider, ref.time});
   std::sort(named_.begin(), named_.end(), [](const States::Made& a, const States::Made& b) {
     return std::pair(a.time, a.provider.index) < std::pair(b.time, b.provider.index);
   });
