@@ -1,4 +1,4 @@
-// The program lines that README shows are lines of a program that the tests compile and run.
+// The program lines that README and docs show are lines of programs that the tests compile and run.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -22,22 +22,29 @@ std::vector<std::string> lines_of(const std::string& path) {
   return lines;
 }
 
-TEST(Readme, ShowsOnlyLinesOfTheFirstProgram) {
+// How many lines of C++ the page shows; each must be a line of the program.
+int shown_lines(const std::string& page, const std::string& program_file) {
   const std::string root = ORIEL_SOURCE_DIR;
-  const auto program = lines_of(root + "/examples/first_program.cc");
+  const auto program = lines_of(root + "/" + program_file);
   const std::set<std::string> known(program.begin(), program.end());
-  ASSERT_GT(known.size(), 20u);
+  EXPECT_GT(known.size(), 20u);
   bool inside = false;
   int shown = 0;
-  for (const std::string& line : lines_of(root + "/README.md")) {
+  for (const std::string& line : lines_of(root + "/" + page)) {
     if (line.starts_with("```")) {
       inside = line == "```cpp";
     } else if (inside && !line.empty()) {
-      EXPECT_TRUE(known.contains(line)) << "README.md shows a line that no test compiles: " << line;
+      EXPECT_TRUE(known.contains(line)) << page << " shows a line that no test compiles: " << line;
       ++shown;
     }
   }
-  EXPECT_GE(shown, 15);
+  return shown;
+}
+
+TEST(Readme, ShowsOnlyLinesOfTheFirstProgram) { EXPECT_GE(shown_lines("README.md", "examples/first_program.cc"), 15); }
+
+TEST(PageOfTheWindow, ShowsOnlyLinesOfItsTest) {
+  EXPECT_GE(shown_lines("docs/window.md", "tests/window/general_window_test.cc"), 15);
 }
 
 }  // namespace

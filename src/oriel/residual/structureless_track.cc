@@ -227,6 +227,16 @@ void fill_pose(const Track& track, const Place& place, Columns& columns) {
 
 }  // namespace
 
+bool locate_structureless(const TrackView* views, const Pose3d* const* poses, int n, const StereoRigd& rig,
+                          Vec3d& p_world) {
+  const Track track(views, poses, n, rig);
+  Place places[2];
+  const Place* place = find_point(track, places);
+  if (place == nullptr || !(track.parallax(place->l) >= kLeastTrackParallax)) return false;
+  p_world = *poses[0] * (track.toward(place->l) / place->l[2]);
+  return true;
+}
+
 bool evaluate_structureless(const TrackView* views, const Pose3d* const* poses, int n, const StereoRigd& rig, double* r,
                             double* const* J) {
   const Track track(views, poses, n, rig);

@@ -43,6 +43,9 @@ inline constexpr int kMostTrackViews = 8;
 // they are not wanted. False where the point is behind a camera, has no parallax or no best place.
 bool evaluate_structureless(const TrackView* views, const Pose3d* const* poses, int n, const StereoRigd& rig, double* r,
                             double* const* J);
+// l* in world; false where evaluate_structureless says so.
+bool locate_structureless(const TrackView* views, const Pose3d* const* poses, int n, const StereoRigd& rig,
+                          Vec3d& p_world);
 
 // structureless_trackN/1
 template <int N>

@@ -27,7 +27,8 @@ class ConstantVelocityProvider final : public StateProvider {
  public:
   explicit ConstantVelocityProvider(const ConstantVelocityOptions& options, const ConstantVelocityStart& start = {})
       : options_(options), start_(start) {}
-  // What the next first state is: after the window began anew, too.
+  // What the next first state is. After the window has begun anew: that it goes on from the last, as well known as
+  // this.
   void start_at(const ConstantVelocityStart& start) { start_ = start; }
 
   std::string_view name() const override { return "constant velocity"; }
@@ -36,6 +37,10 @@ class ConstantVelocityProvider final : public StateProvider {
   bool covers(Time from, Time to) const override { return from <= to && to - from <= options_.longest; }
   Result<void> predict(GraphEdit& edit, const State& from, State& state) override;
   Result<FactorId> link(GraphEdit& edit, const State& from, const State& to) override;
+  void ended(const Graph& graph, const State& last) override {
+    start_.T_world_body = graph.value(pose(last));
+    start_.velocity = graph.value(velocity(last));
+  }
 
   static VariableId<Pose3d> pose(const State& s) { return {s.variables[0].key}; }
   static VariableId<Velocity3d> velocity(const State& s) { return {s.variables[1].key}; }

@@ -36,6 +36,17 @@ Result<void> ImuProvider::begin(GraphEdit& edit, State& state) {
   return {};
 }
 
+void ImuProvider::ended(const Graph& graph, const State& last) {
+  const ImuRestart& o = options_.restart;
+  ImuStart next = start_.value_or(ImuStart{});
+  next.T_world_body = graph.value(pose(last));
+  next.velocity = graph.value(velocity(last));
+  next.bias = graph.value(bias(last));
+  next.pose_noise = level_pose_noise(next.T_world_body, o.position_sigma, o.yaw_sigma, o.tilt_sigma);
+  next.velocity_noise = Sigma(o.velocity_sigma);
+  start_ = next;
+}
+
 bool ImuProvider::covers(Time from, Time to) const {
   const auto used = samples_.between(from, to);
   const PreintegrationOptions& o = options_.samples;

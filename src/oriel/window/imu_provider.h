@@ -11,13 +11,21 @@
 
 namespace oriel {
 
+// What is known after the window has begun anew (ended): the body is where it was, but for what happened since.
+struct ImuRestart {
+  double position_sigma = 1e-3, yaw_sigma = 1e-3;  // where and how the world goes on [m] [rad]
+  double tilt_sigma = 0.3;                         // [rad]
+  double velocity_sigma = 1.0;                     // [m/s]
+};
+
 struct ImuProviderOptions {
   Vec3d gravity = kStandardGravity;  // in world [m/s²]
   PreintegrationOptions samples{};   // what is no gap
   // Across gaps the motion is guessed, with the guess's uncertainty (sensor/preintegration.h); without, the samples
   // cover nothing that has a gap in it.
   bool bridge_gaps = true;
-  Duration horizon{};                   // samples are kept for so long before the oldest state (late data) [ns]
+  Duration horizon{};  // samples are kept for so long before the oldest state (late data) [ns]
+  ImuRestart restart{};
   std::size_t expected_samples = 8192;  // in that time and the window: more may ask for memory
 };
 
@@ -38,10 +46,8 @@ FullNoise<6> level_pose_noise(const Pose3d& T_world_body, double position_sigma,
 class ImuProvider final : public StateProvider {
  public:
   explicit ImuProvider(const ImuNoise& noise, const ImuProviderOptions& options = {});
-  // What the next first state is; there is none before it is said, and after the window began anew it must be said
-  // anew: forget_start() sees to that.
+  // What the first state is; there is none before it is said.
   void start_at(const ImuStart& start) { start_ = start; }
-  void forget_start() { start_.reset(); }
 
   // A sample that is not finite, or not later than the one before, is refused, and named.
   Result<void> add(const ImuSample& sample) { return samples_.add(sample); }
@@ -55,6 +61,7 @@ class ImuProvider final : public StateProvider {
   Result<void> predict(GraphEdit& edit, const State& from, State& state) override;
   // At the biases that the older state has now.
   Result<FactorId> link(GraphEdit& edit, const State& from, const State& to) override;
+  void ended(const Graph& graph, const State& last) override;
   void forget_before(Time time) override { samples_.forget_before(time - options_.horizon); }
 
   static VariableId<Pose3d> pose(const State& s) { return {s.variables[0].key}; }

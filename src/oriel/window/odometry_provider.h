@@ -35,7 +35,8 @@ class OdometryProvider final : public StateProvider {
   // window needs them (late data).
   OdometryProvider(const P& first, const Covariance& covariance, Duration horizon = {})
       : first_(first), first_covariance_(covariance), horizon_(horizon) {}
-  // What the next first state is: after the window began anew, too.
+  // What the next first state is. After the window has begun anew: that it goes on from the last, as well known as
+  // this.
   void start_at(const P& first, const Covariance& covariance) {
     first_ = first;
     first_covariance_ = covariance;
@@ -55,6 +56,7 @@ class OdometryProvider final : public StateProvider {
   bool covers(Time from, Time to) const override;
   Result<void> predict(GraphEdit& edit, const State& from, State& state) override;
   Result<FactorId> link(GraphEdit& edit, const State& from, const State& to) override;
+  void ended(const Graph& graph, const State& last) override { first_ = graph.value(pose(last)); }
   void forget_before(Time time) override;
 
   // What was measured between two times, which must be covered.

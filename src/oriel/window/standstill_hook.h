@@ -16,7 +16,7 @@ struct StandstillOptions {
   double accel = 0.3;            // [m/s²]
   double turn = 0.02;            // the mean itself, without the bias [rad/s]
   double speed = 0.3;            // that is believed; an even motion is rest to an IMU [m/s]
-  double pixels = 0.5;           // by which tracks may move since the state before, in the median [px]
+  double pixels = 1.5;           // by which tracks may move since the state before, in the median [px]
   double velocity_sigma = 0.01;  // of the factors [m/s]
   double rotation_sigma = 1e-3, translation_sigma = 1e-3;  // [rad] [m]
 };

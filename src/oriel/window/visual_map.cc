@@ -67,6 +67,13 @@ int VisualMap::observe(const StereoFrame& frame, VariableId<Pose3d> pose, std::v
   return left_out;
 }
 
+bool VisualMap::has_seen(Time time) const {
+  return std::any_of(tracks_.begin(), tracks_.end(), [time](const Track& t) {
+    return t.live && std::any_of(t.sightings.begin(), t.sightings.end(),
+                                 [time](const Sighting& s) { return s.time == time; });
+  });
+}
+
 void VisualMap::forget(Time time) {
   for (std::uint32_t k = 0; k < extent(); ++k) {
     Track& t = tracks_[k];

@@ -44,6 +44,8 @@ class VisualMap {
   // Adds a frame's sightings. `seen` gets the places of its tracks. What no ray of the cameras' models explains is left
   // out; returns how many.
   int observe(const StereoFrame& frame, VariableId<Pose3d> pose, std::vector<std::uint32_t>& seen);
+  // Some track has a sighting of that time.
+  bool has_seen(Time time) const;
   // The sightings of a state are forgotten. Tracks that have none left are gone.
   void forget(Time time);
   // All sightings of a track are used up: it begins anew when it is seen again.
