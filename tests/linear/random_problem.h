@@ -1,5 +1,6 @@
 // Random least-squares problems over variables of many dimensions, and the same problem as dense algebra: the oracle of
-// the tests of rooms linear and solve.
+// the tests of rooms linear and solve. What does not depend on a factor's type is compiled once, in
+// tests/support/random_problem.cc.
 #pragma once
 #include <Eigen/Dense>
 #include <functional>
@@ -72,7 +73,9 @@ struct Mix {
 
 class RandomProblem {
  public:
-  explicit RandomProblem(unsigned seed) : random_(seed), edit_(graph.edit()) {}
+  explicit RandomProblem(unsigned seed);
+  RandomProblem(RandomProblem&&) noexcept;
+  ~RandomProblem();
 
   Graph graph;
 
@@ -117,35 +120,8 @@ class RandomProblem {
     return factor<D>(Loss::none(), ids...);
   }
   // A linear prior about the origin.
-  FactorId prior(const std::vector<VariableKey>& ids, const std::vector<int>& dims, int rows) {
-    LinearPrior p;
-    p.variables = ids;
-    for (const int d : dims) p.cols += d;
-    p.rows = rows;
-    p.estimates.assign(static_cast<std::size_t>(p.cols), 0.0);
-    for (int i = 0; i < rows; ++i) p.d.push_back(normal());
-    for (int i = 0; i < rows * p.cols; ++i) p.R.push_back(normal());
-    rows_.push_back([=](const Graph& g) {
-      Rows out;
-      Eigen::VectorXd x(p.cols);
-      int c = 0;
-      for (std::size_t k = 0; k < ids.size(); ++k) {
-        const auto* v = static_cast<const double*>(g.find_value(ids[k]));
-        for (int i = 0; i < dims[k]; ++i) x[c++] = v[i];
-      }
-      out.j = Eigen::Map<const Eigen::MatrixXd>(p.R.data(), rows, p.cols);
-      out.r = Eigen::Map<const Eigen::VectorXd>(p.d.data(), rows) + out.j * x;
-      out.cost = 0.5 * out.r.squaredNorm();
-      out.ids = ids, out.dims = dims;
-      return out;
-    });
-    return edit_.add(p);
-  }
-  Result<void> apply() {
-    auto result = graph.apply(edit_);
-    edit_.clear();
-    return result;
-  }
+  FactorId prior(const std::vector<VariableKey>& ids, const std::vector<int>& dims, int rows);
+  Result<void> apply();
 
   struct Dense {
     Eigen::MatrixXd h;
@@ -153,30 +129,8 @@ class RandomProblem {
     double cost = 0.0;
   };
   // The system in the numbering of a structure.
-  Dense dense(const LinearStructure& structure) const {
-    Dense d{Eigen::MatrixXd::Zero(structure.dim(), structure.dim()), Eigen::VectorXd::Zero(structure.dim()), 0.0};
-    for (const auto& f : rows_) {
-      const Rows rows = f(graph);
-      d.cost += rows.cost;
-      for (std::size_t k = 0, c = 0; k < rows.ids.size(); c += static_cast<std::size_t>(rows.dims[k++])) {
-        const int at = offset(structure, rows.ids[k]);
-        if (at < 0) continue;
-        const auto jk = rows.j.middleCols(static_cast<int>(c), rows.dims[k]);
-        d.g.segment(at, rows.dims[k]) += jk.transpose() * rows.r;
-        for (std::size_t m = 0, e = 0; m < rows.ids.size(); e += static_cast<std::size_t>(rows.dims[m++]))
-          if (const int to = offset(structure, rows.ids[m]); to >= 0)
-            d.h.block(at, to, rows.dims[k], rows.dims[m]) +=
-                jk.transpose() * rows.j.middleCols(static_cast<int>(e), rows.dims[m]);
-      }
-    }
-    return d;
-  }
-  int offset(const LinearStructure& structure, VariableKey id) const {
-    for (std::size_t p = 0; p < graph.pools().size(); ++p)
-      if (graph.pools()[p]->ops().key == id.type)
-        return structure.target(p, graph.pools()[p]->slots().find(id.key)).offset;
-    return -1;
-  }
+  Dense dense(const LinearStructure& structure) const;
+  int offset(const LinearStructure& structure, VariableKey id) const;
 
   double curvature = 0.1;
 
@@ -187,18 +141,12 @@ class RandomProblem {
     double cost = 0.0;
     std::vector<VariableKey> ids;
     std::vector<int> dims;
+    Rows();
+    Rows(Rows&&) noexcept;
+    Rows& operator=(Rows&&) noexcept;
+    ~Rows();
   };
-  // Not inlined: GCC 12 would warn of what Eigen reads past a single entry, and compile this for each kind of factor.
-  [[gnu::noinline]] static Rows whitened(const double* r, const double* j, int dim, int cols, double sigma,
-                                         const Loss& loss) {
-    Rows rows;
-    rows.r = Eigen::Map<const Eigen::VectorXd>(r, dim) / sigma;
-    rows.j = Eigen::Map<const Eigen::MatrixXd>(j, dim, cols) / sigma;
-    const auto l = evaluate_loss(loss.kind, loss.scale, rows.r.squaredNorm());
-    rows.cost = 0.5 * l.rho;
-    rows.r *= std::sqrt(l.weight), rows.j *= std::sqrt(l.weight);
-    return rows;
-  }
+  static Rows whitened(const double* r, const double* j, int dim, int cols, double sigma, const Loss& loss);
 
   std::mt19937 random_;
   GraphEdit edit_;
@@ -214,32 +162,12 @@ struct System {
   LinearSystem numbers;
   LandmarkSchur schur;
 
-  explicit System(const Graph& graph, TaskPool* pool = nullptr) {
-    if (!structure.build(graph, {})) return;
-    point.take(graph);
-    linearizer.first_estimates = false;
-    linearizer.evaluate(graph, structure, point, nullptr, active, pool);
-    linearizer.linearize(graph, structure, point, &active, numbers, pool);
-    schur.prepare(structure);
-  }
-  Eigen::VectorXd gradient() const {
-    return Eigen::Map<const Eigen::VectorXd>(numbers.gradient.data(), structure.dim());
-  }
+  explicit System(const Graph& graph, TaskPool* pool = nullptr);
+  Eigen::VectorXd gradient() const;
   // (H + diag(damping)) step = -gradient, landmarks by Schur complement.
-  Eigen::VectorXd solve(const Eigen::VectorXd& damping, TaskPool* pool = nullptr) {
-    AlignedBuffer s;
-    s.reserve(structure.factorization().storage_size());
-    Eigen::VectorXd rhs(structure.kept_dim()), step(structure.dim());
-    schur.reduce(structure, numbers, damping.data(), s.data(), rhs.data(), pool);
-    structure.factorization().factor(s.data(), damping.data(), pool);
-    structure.factorization().solve(rhs.data(), step.data());
-    schur.back_substitute(structure, numbers, damping.data(), step.data(), pool);
-    return step;
-  }
+  Eigen::VectorXd solve(const Eigen::VectorXd& damping, TaskPool* pool = nullptr);
 };
 
-inline Eigen::VectorXd dense_step(const RandomProblem::Dense& d, const Eigen::VectorXd& damping) {
-  return Eigen::MatrixXd(d.h + Eigen::MatrixXd(damping.asDiagonal())).llt().solve(-d.g);
-}
+Eigen::VectorXd dense_step(const RandomProblem::Dense& d, const Eigen::VectorXd& damping);
 
 }  // namespace oriel::testing
