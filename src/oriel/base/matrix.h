@@ -36,8 +36,9 @@ struct Mat {
   }
   static constexpr Mat identity() {
     Mat a = zero();
+    constexpr int kDiagonal = R < C ? R : C;  // NOLINT(bugprone-branch-clone): where R is C
 #pragma GCC unroll 64
-    for (int i = 0; i < (R < C ? R : C); ++i) a(i, i) = S(1.0);
+    for (int i = 0; i < kDiagonal; ++i) a(i, i) = S(1.0);
     return a;
   }
   // The i-th unit vector, for columns.
