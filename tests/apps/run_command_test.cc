@@ -33,6 +33,13 @@ TEST_F(RunCommand, EstimatesTheWholeFlightAndReportsEveryKeyOfItsContract) {
   EXPECT_NEAR(judged["ate_m"].get<double>(), o["ate_m"].get<double>(), 1e-6);
 }
 
+TEST_F(RunCommand, TakesLandmarksAsPointsWhereItIsTold) {
+  const CommandResult r = oriel("run " + recording() + " --landmarks point --json -");
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_LE(r.json()["ate_m"].get<double>(), 0.05);
+  EXPECT_EQ(oriel("run " + path("recording") + " --landmarks balloon").exit_code, 2);
+}
+
 // L10
 TEST_F(RunCommand, ReplaysItsJournalToTheSameBitsWithCachesDroppedAndTwoThreads) {
   ASSERT_EQ(oriel("run " + recording() + " --journal " + path("flight.journal")).exit_code, 0);

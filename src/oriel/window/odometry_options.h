@@ -15,10 +15,11 @@ struct KeyframeOptions {
   int expected_tracks = 300;         // in a frame: more are welcome, but may ask for memory in an update
 };
 
-// What a landmark is in the graph. An inverse depth along the bearing of its first sighting is one scalar, which is fast;
-// it takes that bearing for exact, and the window claims to know more than it does (docs/estimator.md has the figures). A
-// point has three, for which every sighting is a measurement with its noise: the covariances are honest. A point that
-// one camera sees with little parallax has no depth to speak of: the solve names it, for which it asks for memory.
+// What a landmark is in the graph. An inverse depth along the bearing of its first sighting is one scalar, which is
+// fast; it takes that bearing for exact, and the window claims to know more than it does (docs/estimator.md has the
+// figures). A point has three, for which every sighting is a measurement with its noise: the covariances are honest. A
+// point that one camera sees with little parallax has no depth to speak of: the solve names it, for which it asks for
+// memory.
 enum class LandmarkModel { inverse_depth, point };
 
 struct VisualOptions {
