@@ -1,4 +1,4 @@
-// A window as a mathematician would keep it: states and landmarks by what they are, a list of rows, a dense prior in
+// A window as a mathematician would keep it: states and landmarks by what they are, a list of rows, dense priors in
 // square-root form. It shares no code with the library's window, and is what that is compared with after any operation.
 #pragma once
 #include <Eigen/Dense>
@@ -26,6 +26,12 @@ class WindowModel {
   };
   using Chain = std::map<Time, Node>;
   using Values = std::map<Unknown, Eigen::VectorXd>;
+  struct Prior {  // d = R x
+    std::vector<Unknown> of;
+    Eigen::MatrixXd R;
+    Eigen::VectorXd d;
+    bool names(const Unknown& u) const { return std::find(of.begin(), of.end(), u) != of.end(); }
+  };
 
   Chain chains[2];  // positions, levels
   Increments<2> moved;
@@ -73,11 +79,16 @@ class WindowModel {
   void remove_factor(FactorId id) {
     std::erase_if(rows_, [&](const Row& r) { return r.factor == id; });
   }
-  // A landmark or state leaves with its rows; a prior keeps what it says of others.
+  // A landmark or state leaves with its rows; each prior keeps what it alone says of others.
   void remove(const Unknown& u) {
     std::erase_if(rows_, [&](const Row& r) { return touches(r, u); });
-    landmarks_erase(u);
-    eliminate({u}, {});
+    if (u.what == What::landmark) landmarks.erase(static_cast<int>(u.number));
+    for (std::size_t k = priors_.size(); k-- > 0;) {
+      if (!priors_[k].names(u)) continue;
+      const Prior whole = std::move(priors_[k]);
+      priors_.erase(priors_.begin() + static_cast<std::ptrdiff_t>(k));
+      keep(eliminated({u}, {}, {whole}));
+    }
   }
   void remove_state(int chain, Time time) {
     for (const Unknown& u : unknowns(chain, time)) remove(u);
@@ -108,15 +119,19 @@ class WindowModel {
       if (next != chains[chain].end()) next->second.severed = true;
     }
     for (const int l : gone_landmarks) landmarks.erase(l);
-    eliminate(leaving, absorbed);
+    std::vector<Prior> used;
+    std::erase_if(priors_, [&](const Prior& p) {
+      const bool touched = std::any_of(leaving.begin(), leaving.end(), [&](const Unknown& u) { return p.names(u); });
+      if (touched) used.push_back(p);
+      return touched;
+    });
+    keep(eliminated(leaving, absorbed, used));
   }
   void begin_anew() {
     for (Chain& c : chains) c.clear();
     rows_.clear();
     landmarks.clear();
-    prior_of_.clear();
-    prior_R_.resize(0, 0);
-    prior_d_.resize(0);
+    priors_.clear();
   }
 
   // ---- what is known ----
@@ -126,7 +141,9 @@ class WindowModel {
       if (touches(r, {What::landmark, landmark}))
         for (const auto& t : r.terms)
           if (t.of.what != What::landmark && !(t.of == state)) return false;
-    return std::find(prior_of_.begin(), prior_of_.end(), Unknown{What::landmark, landmark}) == prior_of_.end();
+    return std::none_of(priors_.begin(), priors_.end(), [&](const Prior& p) {
+      return p.names({What::landmark, landmark});
+    });
   }
   const std::vector<Row>& rows() const { return rows_; }
   // Of what any row or prior names.
@@ -139,8 +156,9 @@ class WindowModel {
     const std::vector<Row> rows = all_rows();
     for (const Row& r : rows)
       for (const auto& t : r.terms) place(t.of);
-    for (const Unknown& u : prior_of_) place(u);
-    const auto [A, b] = stack(rows, at, n);
+    for (const Prior& p : priors_)
+      for (const Unknown& u : p.of) place(u);
+    const auto [A, b] = stack(rows, priors_, at, n);
     Values out;
     if (n == 0) return out;
     const Eigen::VectorXd x = A.householderQr().solve(b);
@@ -188,8 +206,8 @@ class WindowModel {
   static bool names_landmark(const Row& r, const std::vector<int>& some) {
     return std::any_of(some.begin(), some.end(), [&](int l) { return touches(r, {What::landmark, l}); });
   }
-  void landmarks_erase(const Unknown& u) {
-    if (u.what == What::landmark) landmarks.erase(static_cast<int>(u.number));
+  void keep(Prior prior) {
+    if (!prior.of.empty()) priors_.push_back(std::move(prior));
   }
   // With the motions between neighbours.
   std::vector<Row> all_rows() const {
@@ -215,72 +233,69 @@ class WindowModel {
       }
     return all;
   }
-  // The rows, whitened, and the prior below them.
-  std::pair<Eigen::MatrixXd, Eigen::VectorXd> stack(const std::vector<Row>& rows, const std::map<Unknown, int>& at,
-                                                    int n) const {
-    int m = static_cast<int>(prior_R_.rows());
-    for (const Row& r : rows) m += static_cast<int>(r.z.size());
-    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(std::max(m, n), n);  // rows of zeros: QR wants as many as columns
-    Eigen::VectorXd b = Eigen::VectorXd::Zero(std::max(m, n));
-    int i = 0;
+  // The rows, whitened, and the priors below them.
+  static std::pair<Eigen::MatrixXd, Eigen::VectorXd> stack(const std::vector<Row>& rows,
+                                                           const std::vector<Prior>& priors,
+                                                           const std::map<Unknown, int>& at, int n) {
+    Eigen::Index m = 0, i = 0;
+    for (const Row& r : rows) m += r.z.size();
+    for (const Prior& p : priors) m += p.d.size();
+    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(std::max<Eigen::Index>(m, n), n);  // QR wants as many rows as columns
+    Eigen::VectorXd b = Eigen::VectorXd::Zero(A.rows());
     for (const Row& r : rows) {
       for (const auto& t : r.terms)
         for (int d = 0; d < r.z.size(); ++d) A(i + d, at.at(t.of) + (t.scalar >= 0 ? t.scalar : d)) += t.sign / r.sigma;
       b.segment(i, r.z.size()) = r.z / r.sigma;
-      i += static_cast<int>(r.z.size());
+      i += r.z.size();
     }
-    int column = 0;
-    for (const Unknown& u : prior_of_) {
-      A.block(i, at.at(u), prior_R_.rows(), u.dim()) = prior_R_.middleCols(column, u.dim());
-      column += u.dim();
+    for (const Prior& p : priors) {
+      int column = 0;
+      for (const Unknown& u : p.of) {
+        A.block(i, at.at(u), p.R.rows(), u.dim()) = p.R.middleCols(column, u.dim());
+        column += u.dim();
+      }
+      b.segment(i, p.d.size()) = p.d;
+      i += p.d.size();
     }
-    b.segment(i, prior_d_.size()) = prior_d_;
     return {A, b};
   }
-  // Leaving columns first: below their rows of the triangle stands what is known of the rest.
-  void eliminate(const std::set<Unknown>& leaving, const std::vector<Row>& absorbed) {
+  // What rows and priors say of the others: the leaving columns first, what is below their rows after reflections.
+  static Prior eliminated(const std::set<Unknown>& leaving, const std::vector<Row>& rows,
+                          const std::vector<Prior>& priors) {
     std::map<Unknown, int> at;
     int n = 0;
-    auto place = [&](const Unknown& u) {
-      if (at.emplace(u, n).second) n += u.dim();
-    };
-    for (const Unknown& u : leaving) place(u);
+    for (const Unknown& u : leaving) at[u] = n, n += u.dim();
     const int gone = n;
-    std::vector<Unknown> rest;
-    auto keep = [&](const Unknown& u) {
-      if (at.count(u) == 0) rest.push_back(u);
-      place(u);
+    Prior rest;
+    auto stays = [&](const Unknown& u) {
+      if (!at.emplace(u, n).second) return;
+      rest.of.push_back(u);
+      n += u.dim();
     };
-    for (const Row& r : absorbed)
-      for (const auto& t : r.terms) keep(t.of);
-    for (const Unknown& u : prior_of_) keep(u);
-    const auto [A, b] = stack(absorbed, at, n);
+    for (const Row& r : rows)
+      for (const auto& t : r.terms) stays(t.of);
+    for (const Prior& p : priors)
+      for (const Unknown& u : p.of) stays(u);
     const int kept = n - gone;
+    if (kept == 0) return rest;
+    const auto [A, b] = stack(rows, priors, at, n);
     Eigen::MatrixXd right(A.rows(), kept + 1);
     right << A.rightCols(kept), b;
-    Eigen::Index used = 0;  // rows that tell the leaving ones
-    if (gone > 0) {
-      const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A.leftCols(gone));
-      used = qr.rank();
-      right.applyOnTheLeft(qr.householderQ().transpose());
+    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A.leftCols(gone));
+    right.applyOnTheLeft(qr.householderQ().transpose());
+    const Eigen::Index rows_left = right.rows() - qr.rank();
+    rest.R = right.bottomLeftCorner(rows_left, kept);
+    rest.d = right.col(kept).tail(rows_left);
+    if (rows_left > kept) {  // no more rows than a triangle has
+      const Eigen::HouseholderQR<Eigen::MatrixXd> triangle(rest.R);
+      rest.d = (triangle.householderQ().transpose() * rest.d).head(kept).eval();
+      rest.R = Eigen::MatrixXd(triangle.matrixQR().topRows(kept).triangularView<Eigen::Upper>());
     }
-    prior_of_ = rest;
-    prior_R_ = right.bottomLeftCorner(right.rows() - used, kept);
-    prior_d_ = right.col(kept).tail(right.rows() - used);
-    compress(kept);
-  }
-  // No more rows than a triangle has.
-  void compress(int columns) {
-    if (prior_R_.rows() <= columns) return;
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(prior_R_);
-    prior_d_ = (qr.householderQ().transpose() * prior_d_).head(columns).eval();
-    prior_R_ = Eigen::MatrixXd(qr.matrixQR().topRows(columns).triangularView<Eigen::Upper>());
+    return rest;
   }
 
   std::vector<Row> rows_;
-  std::vector<Unknown> prior_of_;
-  Eigen::MatrixXd prior_R_;
-  Eigen::VectorXd prior_d_;
+  std::vector<Prior> priors_;
 };
 
 }  // namespace oriel::linear_world
