@@ -40,7 +40,7 @@ struct MarginalizeOptions {
   // By type: what becomes of a variable that is asked to leave, and which of those that stay a new prior may tie to
   // others. Types that are not named are marginalized, and tied. The list is the caller's.
   std::span<const TypePolicy> types = {};
-  // Is given what leaves, so that late factors can be folded; the caller's. Commit it once the edit is applied.
+  // Is given what leaves (what was staged before is discarded), the caller's: commit it once the edit is applied.
   LateLedger* ledger = nullptr;
 };
 
