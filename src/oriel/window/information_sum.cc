@@ -182,17 +182,28 @@ void InformationSum::eliminate_landmarks(int chunk) {
   std::fill(landmark_g_.begin(), landmark_g_.end(), 0.0);
 }
 
-// H += RᵀR, g += Rᵀr.
+// H += RᵀR, g += Rᵀr. Columns that stand side by side in both are added as one.
 void InformationSum::add(const AbsorbedPrior& p) {
   const int ld = prior_product_.subtract({p.rows, p.cols, p.R, nullptr});
+  std::vector<int>& together = columns_;
+  together.assign(static_cast<std::size_t>(p.cols), 1);
+  for (int c = p.cols - 1; c > 0; --c)
+    if (p.target[c - 1] >= 0 && p.target[c] == p.target[c - 1] + 1) together[c - 1] = together[c] + 1;
   for (int c = 0; c < p.cols; ++c) {
     const int column = p.target[c];
     if (column < 0) continue;
     g_.data()[column] += dot(p.R + static_cast<std::int64_t>(c) * p.rows, p.r, p.rows);
     const double* const from = prior_product_.product.data() + std::int64_t{c} * ld;
-    for (int i = c; i < p.cols; ++i) {
+    for (int i = c, n = 0; i < p.cols; i += n) {
+      n = together[i];
       const int row = p.target[i];
-      if (row >= 0) *at(std::max(row, column), std::min(row, column)) -= from[i];
+      if (row < 0) continue;
+      double* const to = row >= column ? at(row, column) : at(column, row);
+      const std::int64_t stride = row >= column ? 1 : ld_;
+      if (stride == 1)
+        for (int k = 0; k < n; ++k) to[k] -= from[i + k];
+      else
+        for (int k = 0; k < n; ++k) to[k * stride] -= from[i + k];
     }
   }
 }
