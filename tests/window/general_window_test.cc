@@ -2,6 +2,7 @@
 // docs/window.md shows lines of this file.
 #include <gtest/gtest.h>
 
+#include "oriel/testing/allocation_counter.h"
 #include "oriel/window/cheirality_hook.h"
 #include "oriel/window/gap_reset_hook.h"
 #include "oriel/window/imu_provider.h"
@@ -203,6 +204,29 @@ TEST(GeneralWindow, BeginsAnewAfterALongGapAndGoesOnFromWhereItWas) {
   const Pose3d truth = flight.pose(seconds_of(before.time)).inverse() * flight.pose(seconds_of(last.time));
   EXPECT_NEAR(seconds_of(last.time) - seconds_of(before.time), 1.0, 1e-6);
   EXPECT_LT(((before.T_world_body.inverse() * last.T_world_body).t - truth.t).norm(), 0.05);
+}
+
+// W14: nothing in an update asks for memory by itself; what is sized by the largest window so far still may.
+TEST(GeneralWindow, AsksForMemoryOnlyWhereItsWindowGrows) {
+  if (!counts_allocations()) GTEST_SKIP() << "a sanitizer has an operator new of its own";
+  const SimulatedFlight flight({.rest_s = 0.0, .duration_s = 14.0, .points = 300});
+  Odometry odometry(flight, true);
+  odometry.start_at(flight, 0.0);
+  odometry.poses->reserve(1000);
+  std::size_t next = 0;
+  int updates = 0, without = 0;
+  for (std::size_t k = 0; k < flight.frames.size(); ++k) {
+    while (next < flight.imu.size() && flight.imu[next].time <= flight.frames[k].time)
+      ASSERT_TRUE(odometry.imu->add(flight.imu[next++]).ok());
+    const std::int64_t before = allocation_count();
+    odometry.add({flight.frames[k].time, flight.frames[k].features});
+    odometry.window.update();
+    if (k < 115) continue;
+    ++updates;
+    without += allocation_count() == before ? 1 : 0;
+  }
+  EXPECT_GT(updates, 20);
+  EXPECT_GT(2 * without, updates);
 }
 
 }  // namespace
