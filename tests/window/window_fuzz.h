@@ -215,7 +215,8 @@ class WindowFuzz {
     if (!model_.wrong.empty()) wrong(model_.wrong);
     compare_sets();
     if (solved) compare(truth);
-    if (update.status == WindowUpdate::Status::solve_failed) compare_unchanged();
+    const bool same_window = update.reset[0] == '\0';
+    if (same_window && update.status == WindowUpdate::Status::solve_failed) compare_unchanged();
     w_.position->faults = {}, faulty_ = false;
     prune();
     return difference_.empty();

@@ -85,7 +85,7 @@ class SlidingWindow {
   Result<void> follow_hook();
   void expel();
   bool expel(bool with_states);
-  void take_late(const PendingFactors::Group& group);
+  Entry take_late(const PendingFactors::Group& group);
   Entry refuse(const PendingFactors::Group& group, Refusal why);
   void count(int sensor, Refusal why);
 

@@ -29,7 +29,7 @@ SlidingWindow::Entry SlidingWindow::enter(const PendingFactors::Group& group) {
     case Readiness::waits:
       return Entry::waits;
     case Readiness::too_old:
-      return take_late(group), Entry::done;
+      return take_late(group);
     case Readiness::unknown_id:
       return refuse(group, Refusal::unknown_id);
     case Readiness::unknown_state:
@@ -47,14 +47,32 @@ SlidingWindow::Entry SlidingWindow::enter(const PendingFactors::Group& group) {
   return Entry::entered;
 }
 
-// The one place where a group arrives whose states have left.
-void SlidingWindow::take_late(const PendingFactors::Group& group) {
-  if (late_ == nullptr || !late_->fold(core_, states_, pending_, group)) {
-    refuse(group, Refusal::too_old);
-    return;
+// The one place where a group arrives whose states have left. Of the states that it names those that can be in the
+// window are made first; while one of them cannot be had yet, the group waits.
+SlidingWindow::Entry SlidingWindow::take_late(const PendingFactors::Group& group) {
+  if (late_ == nullptr) return refuse(group, Refusal::too_old);
+  factors_.clear();
+  variables_.clear();
+  GraphEdit& edit = core_.edit();
+  const Readiness live = make_states(edit, group);
+  made_.assign(states_.new_states().begin(), states_.new_states().end());
+  Result<void> ok;
+  if (live == Readiness::ready) ok = core_.commit();
+  if (live != Readiness::ready || !ok) {
+    if (!ok) report_.error = ok.error();
+    edit.clear();
+    states_.rollback();
+    return live == Readiness::waits ? Entry::waits : refuse(group, Refusal::no_motion);
+  }
+  states_.commit();
+  if (!late_->fold(core_, states_, pending_, group)) {
+    if (!made_.empty()) expel();
+    return refuse(group, Refusal::too_old);
   }
   ++report_.late;
+  report_.states_made += static_cast<int>(made_.size());
   if (group.owner >= 0) builders_[group.owner]->entered(group.number, {}, {});
+  return Entry::done;
 }
 
 SlidingWindow::Entry SlidingWindow::refuse(const PendingFactors::Group& group, Refusal why) {
@@ -114,7 +132,7 @@ Readiness SlidingWindow::make_states(GraphEdit& edit, const PendingFactors::Grou
   for (const States::Made& n : named_) {
     const Reach reach = states_.reach(n.provider, n.time);
     if (reach == Reach::not_yet) return Readiness::waits;
-    if (reach == Reach::there) continue;
+    if (reach == Reach::there || reach == Reach::too_old) continue;  // what is too old is for whoever takes late groups
     if (auto state = states_.request(edit, n.provider, n.time); !state) {
       report_.error = state.error();
       return Readiness::unknown_state;
