@@ -180,7 +180,7 @@ void LateLedger::take_rows(const DetachedFactor& f, const Batch& batch, int firs
       for (int i = 0; i < batch.dim; ++i, J += Batch::kRows) {
         if (s.column < 0) continue;
         row_column(s.column + c)[first + i] += *J;
-        bound_[static_cast<std::size_t>(s.column + c)] += *J * *J;
+        bound_[s.column + c] += *J * *J;
         d[i] -= *J * error_[static_cast<std::size_t>(c)];
       }
   }
@@ -193,35 +193,36 @@ bool LateLedger::touches(const Stop& s, int rows) {
   return false;
 }
 
-// The columns of an entry's conditional and of the late rows side by side: leaving ones, then all that either touches.
-// False if the late rows do not touch it.
-bool LateLedger::gather(const Conditional& c) {
+// The variables that an entry's conditional or the late rows touch: leaving ones first. False if the late rows touch
+// none of these.
+bool LateLedger::activate(const Conditional& c) {
   active_.clear();
   ++stamp_;
   bool touched = false;
   int local = 0;
-  auto activate = [&](Stop& s) {
+  auto append = [&](Stop& s) {
     s.active = stamp_, s.local = local, local += s.ops->dim;
     active_.push_back(static_cast<std::int32_t>(&s - stops_.data()));
   };
-  for (int i = 0; i < c.leaving; ++i) {
-    Stop& s = stop_of(c.variables[static_cast<std::size_t>(i)].id);
-    if (s.column < 0) continue;
-    touched = touched || touches(s, row_count_);
-    activate(s);
-  }
-  if (!touched) return false;
-  for (std::size_t k = static_cast<std::size_t>(c.leaving); k < c.variables.size(); ++k) {
+  for (std::size_t k = 0; k < c.variables.size(); ++k) {
     Stop& s = stop_of(c.variables[k].id);
-    if (s.active != stamp_) activate(s);
+    const bool leaves = k < static_cast<std::size_t>(c.leaving);
+    touched = touched || (leaves && touches(s, row_count_));
+    append(s);
   }
   for (Stop& s : stops_)
-    if (s.column >= 0 && s.active != stamp_ && touches(s, row_count_)) activate(s);
-  const int n = c.rows, m = row_count_;
-  const auto stride = static_cast<std::ptrdiff_t>(n + m);
-  stacked_.assign(static_cast<std::size_t>(stride * (local + 1)), 0.0);
+    if (s.column >= 0 && s.active != stamp_ && touches(s, row_count_)) append(s);
   whole_.assign(static_cast<std::size_t>(local), 0.0);
-  double* const d = stacked_.data() + stride * local;
+  return touched;
+}
+
+// Its rows above the late ones, in the columns of the active variables, all about the way's x̂; and how large whatever
+// went into each column is.
+void LateLedger::stack(const Conditional& c) {
+  const int n = c.rows, m = row_count_;
+  const std::ptrdiff_t stride = std::ptrdiff_t{n} + m, columns = std::ssize(whole_);
+  stacked_.assign(static_cast<std::size_t>(stride * (columns + 1)), 0.0);
+  double* const d = stacked_.data() + stride * columns;
   std::copy_n(c.column(c.cols), n, d);
   std::copy_n(row_column(columns_), m, d + n);
   for (const Conditional::Variable& v : c.variables) {
@@ -232,27 +233,27 @@ bool LateLedger::gather(const Conditional& c) {
     error_.resize(static_cast<std::size_t>(v.ops->dim));
     v.ops->minus(s.reference, c.estimate(v), error_.data());  // x ⊟ x̂_c = (x ⊟ x̂) + (x̂ ⊟ x̂_c)
     for (int j = 0; j < v.ops->dim; ++j)
-      for (int i = 0; i < n; ++i) d[i] += c.column(v.column + j)[i] * error_[static_cast<std::size_t>(j)];
+      for (int i = 0; i < n; ++i) d[i] += c.column(v.column + j)[i] * error_[j];
   }
   for (const std::int32_t i : active_) {
     const Stop& s = stops_[static_cast<std::size_t>(i)];
     for (int j = 0; j < s.ops->dim; ++j) {
-      double* const to = stacked_.data() + stride * (s.local + j);
-      std::copy_n(row_column(s.column + j), m, to + n);
-      double& bound = bound_[static_cast<std::size_t>(s.column + j)];
-      if (s.local + j >= n) bound += dot(to, to, n);
-      whole_[static_cast<std::size_t>(s.local + j)] = std::sqrt(bound);
+      const int column = s.column + j, local = s.local + j;
+      double* const to = stacked_.data() + stride * local;
+      std::copy_n(row_column(column), m, to + n);
+      if (local >= n) bound_[column] += dot(to, to, n);
+      whole_[local] = std::sqrt(bound_[column]);
     }
   }
-  return true;
 }
 
 // The late rows past one entry: its conditional comes to know of them, and they of what it is conditioned on.
 bool LateLedger::push(std::int32_t entry) {
   const Conditional& old = store_.latest(entry);
-  if (old.rows == 0 || !gather(old)) return false;
+  if (old.rows == 0 || !activate(old)) return false;
+  stack(old);
   const int n = old.rows, m = row_count_, columns = static_cast<int>(whole_.size());
-  const auto stride = static_cast<std::ptrdiff_t>(n + m);
+  const std::ptrdiff_t stride = std::ptrdiff_t{n} + m;
   eliminate_rows(stacked_.data(), n, m, columns + 1, whole_.data());
   const std::int32_t at = store_.acquire(options_.conditionals);
   Conditional& c = store_.at(at);

@@ -117,6 +117,26 @@ Estimates estimates_of(const Graph& graph, const MarginalVariable& v, bool first
   return {first_estimates && pool.has_first_estimate(v.dense) ? pool.first_estimate(v.dense) : value, value};
 }
 
+// [0; R], columns of one variable: above is the triangle that all rows are brought into.
+void append_columns(Conditional& c, const VariableOps& ops, VariableKey id, const void* reference, const double* R,
+                    int rows) {
+  c.add(id, ops, reference, c.cols);
+  c.cols += ops.dim;
+  for (int i = 0; i < ops.dim; ++i, R += rows) {
+    c.numbers.insert(c.numbers.end(), static_cast<std::size_t>(c.rows), 0.0);
+    c.numbers.insert(c.numbers.end(), R, R + rows);
+  }
+}
+
+// x ⊟ x0 = (x ⊟ x̂) - (x0 ⊟ x̂).
+void shift_right(const VariableOps& ops, const void* value, const void* reference, const double* R, int rows,
+                 std::vector<double>& d, std::vector<double>& error) {
+  error.resize(static_cast<std::size_t>(ops.dim));
+  ops.minus(value, reference, error.data());
+  for (int i = 0; i < ops.dim; ++i, R += rows)
+    for (int k = 0; k < rows; ++k) d[k] -= R[k] * error[i];
+}
+
 }  // namespace
 
 void LateLedger::stage(const Graph& graph, const MarginalScope& scope, const MarginalComponent& component,
@@ -126,8 +146,6 @@ void LateLedger::stage(const Graph& graph, const MarginalScope& scope, const Mar
   const std::int32_t at = store_.acquire(options_.conditionals);
   Conditional& c = store_.at(at);
   c.rows = n;
-  error_.clear();
-  stacked_.assign(static_cast<std::size_t>(n), 0.0);
   std::vector<double>& d = right_;
   d.assign(root.conditional_d.begin(), root.conditional_d.end());
   for (std::uint32_t o = component.variables_begin; o < component.variables_end; ++o) {
@@ -135,25 +153,14 @@ void LateLedger::stage(const Graph& graph, const MarginalScope& scope, const Mar
     if (v.eliminated) continue;
     const double* const R = root.conditional_R.data() + static_cast<std::ptrdiff_t>(v.column) * rows;
     const bool leaves = v.column < n;
-    if (!leaves && std::all_of(R, R + static_cast<std::ptrdiff_t>(rows) * v.dim, [](double x) { return x == 0.0; }))
-      continue;
-    const VariableOps& ops = graph.pools()[v.pool]->ops();
-    const Estimates x = estimates_of(graph, v, options_.first_estimates);
-    c.add(v.id, ops, x.reference, c.cols);
+    const auto size = static_cast<std::ptrdiff_t>(v.dim) * rows;
+    if (!leaves && std::all_of(R, R + size, [](double x) { return x == 0.0; })) continue;
     c.leaving += leaves ? 1 : 0;
-    // Rows of zeros above: the triangle that the rows are brought into.
-    for (int i = 0; i < v.dim; ++i, ++c.cols) {
-      c.numbers.insert(c.numbers.end(), stacked_.begin(), stacked_.end());
-      c.numbers.insert(c.numbers.end(), R + static_cast<std::ptrdiff_t>(i) * rows,
-                       R + static_cast<std::ptrdiff_t>(i + 1) * rows);
-    }
-    if (x.reference == x.value) continue;
-    error_.resize(static_cast<std::size_t>(v.dim));
-    ops.minus(x.value, x.reference, error_.data());
-    for (int i = 0; i < v.dim; ++i)
-      for (int k = 0; k < rows; ++k) d[k] -= R[static_cast<std::ptrdiff_t>(i) * rows + k] * error_[i];
+    const Estimates x = estimates_of(graph, v, options_.first_estimates);
+    append_columns(c, graph.pools()[v.pool]->ops(), v.id, x.reference, R, rows);
+    if (x.reference != x.value) shift_right(graph.pools()[v.pool]->ops(), x.value, x.reference, R, rows, d, error_);
   }
-  c.numbers.insert(c.numbers.end(), stacked_.begin(), stacked_.end());
+  c.numbers.insert(c.numbers.end(), static_cast<std::size_t>(n), 0.0);
   c.numbers.insert(c.numbers.end(), d.begin(), d.end());
   make_triangular(c, rows);
   store_.add_newest(at);

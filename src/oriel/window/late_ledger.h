@@ -61,6 +61,7 @@ class LateLedger {
 
   // Folds a late factor: `edit` (lent by this graph) gets a prior on live variables, or nothing where the factor says
   // nothing about them, and names the version of the graph that was seen. Several may be folded into one edit. Staged.
+  // (Many small priors are made one by Marginalizer::absorb, which takes priors as well.)
   LateOutcome fold(const Graph& graph, const DetachedFactor& factor, GraphEdit& edit);
 
   // An id for a variable that never was in the graph.
@@ -121,7 +122,8 @@ class LateLedger {
   void take_rows(const DetachedFactor& factor, const Batch& batch, int first);
   bool touches(const Stop& stop, int rows);
   bool push(std::int32_t entry);
-  bool gather(const Conditional& c);
+  bool activate(const Conditional& c);
+  void stack(const Conditional& c);
   void write_prior(const Graph& graph, GraphEdit& edit);
   void move_state(std::size_t variables, int dim);
   void keep_state(std::size_t variables, int dim);
