@@ -84,7 +84,7 @@ TEST(LateFusion, RefusesWholeWhatItCannotFoldAndCountsIt) {
   const std::uint64_t before = fingerprint(w.window.graph());
   const std::size_t kept = w.late->kept().size();
   w.give({w.position_at(1000)});                       // beyond the horizon
-  w.give({w.position_at(3450)});                       // a new state: its motion is forgotten, states are not
+  w.give({w.position_at(3650)});                       // a new state: its motion is forgotten, states are not
   w.give({w.sight(5000, 40)});                         // brings a landmark
   w.give({w.position_at(5000), w.position_at(1000)});  // one of two
   const WindowUpdate& update = w.window.update();
