@@ -4,7 +4,7 @@
 #pragma once
 #include <functional>
 
-#include "window_model.h"
+#include "window_reader.h"
 
 namespace oriel::linear_world {
 
@@ -60,6 +60,7 @@ class WindowFuzz {
   std::int64_t operations() const { return operations_; }
   const std::string& difference() const { return difference_; }
   double worst() const { return worst_; }
+  double worst_prior() const { return worst_prior_; }
   struct Counts {
     std::int64_t updates = 0, entered = 0, refused = 0, failed_solves = 0, failed_slides = 0, marginalized = 0,
                  removed = 0, resets = 0, waited = 0;
@@ -190,8 +191,10 @@ class WindowFuzz {
 
   // ---- an update, and what it did ----
   bool update() {
-    before_ = values();
+    before_ = values_of(w_, model_.landmarks);
     ids_before_ = w_.builder->landmarks;
+    for (int c = 0; c < 2; ++c)
+      chains_before_[c] = model_.chains[c], horizons_before_[c] = w_.window.states().horizon({c});
     policy_->chosen.clear();
     policy_->paused = faulty_;
     const WindowUpdate& update = w_.window.update();
@@ -214,6 +217,7 @@ class WindowFuzz {
     for (const FactorId id : update.expelled) model_.remove_factor(id);
     if (!model_.wrong.empty()) wrong(model_.wrong);
     compare_sets();
+    compare_priors();
     if (solved) compare(truth);
     const bool same_window = update.reset[0] == '\0';
     if (same_window && update.status == WindowUpdate::Status::solve_failed) compare_unchanged();
@@ -271,15 +275,20 @@ class WindowFuzz {
           !w_.window.graph().contains(*ids[m.landmark]))
         return true;
       for (const auto& [chain, time] : WindowModel::times(m))
-        if (w_.window.states().reach({chain}, time) == Reach::too_old || left_before(chain, time)) return true;
+        if (w_.window.states().reach({chain}, time) == Reach::too_old || severed_at(model_.chains[chain], time) ||
+            was_too_old(chain, time))
+          return true;
     }
     return false;
   }
-  // By the model: older than the oldest of a window that has slid, or in a gap.
-  bool left_before(int chain, Time time) const {
-    const auto& line = model_.chains[chain];
+  static bool severed_at(const WindowModel::Chain& line, Time time) {
     const auto after = line.lower_bound(time);
     return after != line.end() && after->first != time && after->second.severed;
+  }
+  // For the window before the update: one that begins anew in it may reach back further, to the end of the chain that
+  // lags most.
+  bool was_too_old(int chain, Time time) const {
+    return time < horizons_before_[chain] || severed_at(chains_before_[chain], time);
   }
   void leave() {
     std::vector<std::pair<int, Time>> marginalized;
@@ -323,25 +332,8 @@ class WindowFuzz {
       for (auto at = chain.begin(); at != chain.end(); ++at) rows += at != chain.begin() && !at->second.severed;
     if (factors != rows) wrong("another number of factors");
   }
-  WindowModel::Values values() const {
-    const Graph& graph = w_.window.graph();
-    WindowModel::Values all;
-    for (const State& s : w_.window.states().timeline(w_.positions)) {
-      const Vec2d& v = graph.value(VariableId<Position>{s.variables[0].key}).v;
-      all[{What::position, s.time.ns}] = Eigen::Vector2d(v[0], v[1]);
-    }
-    for (const State& s : w_.window.states().timeline(w_.levels)) {
-      const Vec3d& v = graph.value(LevelProvider::level(s)).v;
-      all[{What::level, s.time.ns}] = Eigen::Vector3d(v[0], v[1], v[2]);
-      all[{What::offset, s.time.ns}] = Eigen::VectorXd::Constant(1, graph.value(LevelProvider::offset(s)).v[0]);
-    }
-    for (const int l : model_.landmarks)
-      if (const Point2d* p = w_.builder->landmarks[l] ? graph.find(*w_.builder->landmarks[l]) : nullptr)
-        all[{What::landmark, l}] = Eigen::Vector2d(p->p[0], p->p[1]);
-    return all;
-  }
   void compare(const WindowModel::Values& truth) {
-    for (const auto& [u, value] : values()) {
+    for (const auto& [u, value] : values_of(w_, model_.landmarks)) {
       const auto at = truth.find(u);
       if (at == truth.end()) continue;  // a landmark that nothing is known of any more
       const double error = (value - at->second).cwiseAbs().maxCoeff() / (1.0 + at->second.cwiseAbs().maxCoeff());
@@ -349,9 +341,15 @@ class WindowFuzz {
       if (!(error < 1e-9)) wrong("a value is off by " + std::to_string(error * 1e9) + "e-9");
     }
   }
+  void compare_priors() {
+    if (!difference_.empty()) return;
+    const double error = WindowModel::difference(priors_of(w_, model_.landmarks), model_.priors());
+    worst_prior_ = std::max(worst_prior_, error);
+    if (!(error < 1e-9)) wrong("the priors say another thing, by " + std::to_string(error * 1e9) + "e-9");
+  }
   // W15
   void compare_unchanged() {
-    for (const auto& [u, value] : values()) {
+    for (const auto& [u, value] : values_of(w_, model_.landmarks)) {
       const auto at = before_.find(u);
       if (at != before_.end() && at->second != value) wrong("a solve that failed has moved a value");
     }
@@ -370,10 +368,12 @@ class WindowFuzz {
   std::int64_t now_ = 0, operations_ = 0;
   bool faulty_ = false;
   std::string difference_;
-  double worst_ = 0.0;
+  double worst_ = 0.0, worst_prior_ = 0.0;
   Counts counts_;
   WindowModel::Values before_;
   std::vector<std::optional<VariableId<Point2d>>> ids_before_;
+  WindowModel::Chain chains_before_[2];
+  Time horizons_before_[2];
 };
 
 }  // namespace oriel::linear_world

@@ -21,7 +21,7 @@ TEST(WindowFuzz, FindsNoDifferenceFromADenseModelUnderRandomOperations) {
   const std::int64_t wanted = from_environment("ORIEL_FUZZ_OPERATIONS", 10000);
   const std::int64_t seed = from_environment("ORIEL_FUZZ_SEED", -1);
   std::int64_t done = 0;
-  double worst = 0.0;
+  double worst = 0.0, worst_prior = 0.0;
   WindowFuzz::Counts all;
   for (unsigned run = seed < 0 ? 1 : static_cast<unsigned>(seed); done < wanted; ++run) {
     WindowFuzz fuzz(run);
@@ -29,7 +29,7 @@ TEST(WindowFuzz, FindsNoDifferenceFromADenseModelUnderRandomOperations) {
     while (fuzz.operations() < 2000 && fuzz.step()) ++steps;
     ASSERT_EQ(fuzz.difference(), "") << "seed " << run << ", update " << steps << ", " << fuzz.last();
     done += fuzz.operations();
-    worst = std::max(worst, fuzz.worst());
+    worst = std::max(worst, fuzz.worst()), worst_prior = std::max(worst_prior, fuzz.worst_prior());
     const WindowFuzz::Counts& c = fuzz.counts();
     all.updates += c.updates, all.entered += c.entered, all.refused += c.refused, all.removed += c.removed;
     all.failed_solves += c.failed_solves, all.marginalized += c.marginalized, all.resets += c.resets;
@@ -39,7 +39,8 @@ TEST(WindowFuzz, FindsNoDifferenceFromADenseModelUnderRandomOperations) {
   std::cout << done << " operations, " << all.updates << " updates: " << all.entered << " groups entered, "
             << all.refused << " were refused, " << all.waited << " times one waited; " << all.marginalized
             << " states marginalized, " << all.removed << " removed; " << all.failed_solves << " failed solves, "
-            << all.failed_slides << " failed slides, " << all.resets << " resets; largest difference " << worst << '\n';
+            << all.failed_slides << " failed slides, " << all.resets << " resets; largest difference " << worst
+            << ", of priors " << worst_prior << '\n';
   if (seed >= 0) return;
   for (const std::int64_t n : {all.entered, all.refused, all.marginalized, all.removed, all.failed_solves, all.resets})
     EXPECT_GT(n, 0);

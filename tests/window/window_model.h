@@ -125,7 +125,12 @@ class WindowModel {
       if (touched) used.push_back(p);
       return touched;
     });
-    keep(eliminated(leaving, absorbed, used));
+    for (const Part& part : parts(absorbed, used)) {
+      std::set<Unknown> gone;
+      for (const Unknown& u : leaving)
+        if (part.of.count(u) > 0) gone.insert(u);
+      keep(eliminated(gone, part.rows, part.priors));
+    }
   }
   void begin_anew() {
     for (Chain& c : chains) c.clear();
@@ -146,6 +151,7 @@ class WindowModel {
     });
   }
   const std::vector<Row>& rows() const { return rows_; }
+  const std::vector<Prior>& priors() const { return priors_; }
   // Of what any row or prior names.
   Values solve() const {
     std::map<Unknown, int> at;
@@ -164,6 +170,24 @@ class WindowModel {
     const Eigen::VectorXd x = A.householderQr().solve(b);
     for (const auto& [u, first] : at) out[u] = x.segment(first, u.dim());
     return out;
+  }
+  // Of the information of all of some priors, H = RᵀR and g = Rᵀd, from that of others: the largest of any scalar,
+  // beside the largest there is.
+  static double difference(const std::vector<Prior>& some, const std::vector<Prior>& others) {
+    std::map<Unknown, int> at;
+    int n = 0;
+    for (const auto* priors : {&some, &others})
+      for (const Prior& p : *priors)
+        for (const Unknown& u : p.of)
+          if (at.emplace(u, n).second) n += u.dim();
+    if (n == 0) return 0.0;
+    const auto [A, a] = stack({}, some, at, n);
+    const auto [B, b] = stack({}, others, at, n);
+    const Eigen::MatrixXd H = A.transpose() * A;
+    const Eigen::VectorXd g = A.transpose() * a;
+    const double by_matrix = (B.transpose() * B - H).cwiseAbs().maxCoeff() / (1.0 + H.cwiseAbs().maxCoeff());
+    const double by_vector = (B.transpose() * b - g).cwiseAbs().maxCoeff() / (1.0 + g.cwiseAbs().maxCoeff());
+    return std::max(by_matrix, by_vector);
   }
   static std::vector<std::pair<int, Time>> times(const Measured& m) {
     using Kind = Measured::Kind;
@@ -207,7 +231,37 @@ class WindowModel {
     return std::any_of(some.begin(), some.end(), [&](int l) { return touches(r, {What::landmark, l}); });
   }
   void keep(Prior prior) {
-    if (!prior.of.empty()) priors_.push_back(std::move(prior));
+    if (!prior.of.empty() && prior.d.size() > 0) priors_.push_back(std::move(prior));
+  }
+  // What leaves together and shares no unknown makes priors apart (M11). Later that matters: of priors that know a
+  // variable which is removed, each keeps what it alone says of others (V6), and not what only all of them together
+  // would.
+  struct Part {
+    std::set<Unknown> of;
+    std::vector<Row> rows;
+    std::vector<Prior> priors;
+  };
+  static std::vector<Part> parts(const std::vector<Row>& rows, const std::vector<Prior>& priors) {
+    std::vector<Part> all;
+    for (const Row& r : rows) {
+      Part alone;
+      for (const auto& t : r.terms) alone.of.insert(t.of);
+      alone.rows.push_back(r);
+      join(all, std::move(alone));
+    }
+    for (const Prior& p : priors) join(all, {{p.of.begin(), p.of.end()}, {}, {p}});
+    return all;
+  }
+  static void join(std::vector<Part>& all, Part whole) {
+    for (std::size_t k = all.size(); k-- > 0;) {
+      const Part& p = all[k];
+      if (std::none_of(p.of.begin(), p.of.end(), [&](const Unknown& u) { return whole.of.count(u) > 0; })) continue;
+      whole.of.insert(p.of.begin(), p.of.end());
+      whole.rows.insert(whole.rows.end(), p.rows.begin(), p.rows.end());
+      whole.priors.insert(whole.priors.end(), p.priors.begin(), p.priors.end());
+      all.erase(all.begin() + static_cast<std::ptrdiff_t>(k));
+    }
+    all.push_back(std::move(whole));
   }
   // With the motions between neighbours.
   std::vector<Row> all_rows() const {
