@@ -60,7 +60,8 @@ const char* InertialOdometry::beyond_belief() const {
   const InertialValues v = values(*timeline_.latest());
   if (!(v.velocity.v.norm() <= options_.greatest_speed)) return "the estimated speed is beyond belief";
   if (!(v.bias.gyro.norm() <= options_.greatest_gyro_bias)) return "the estimated gyroscope bias is beyond belief";
-  if (!(v.bias.accel.norm() <= options_.greatest_accel_bias)) return "the estimated accelerometer bias is beyond belief";
+  if (!(v.bias.accel.norm() <= options_.greatest_accel_bias))
+    return "the estimated accelerometer bias is beyond belief";
   return nullptr;
 }
 
@@ -114,7 +115,7 @@ bool InertialOdometry::add_frame(const StereoFrame& frame, const InertialValues*
   InertialValues predicted = given != nullptr ? *given : predict(latest, from_latest->integral.motion);
   drop(DropReason::no_ray, map_.observe(frame, {}, seen_));
   report.without_imu = from_latest->missing;
-  const bool placed = given != nullptr || refine_prediction(predicted);
+  const bool placed = given != nullptr || refine_prediction(predicted, from_keyframe->missing.ns == 0);
   if (from_keyframe->missing.ns > 0 && !placed) {  // neither the IMU nor the cameras say where it is
     map_.forget(frame.time);
     return false;
@@ -125,16 +126,17 @@ bool InertialOdometry::add_frame(const StereoFrame& frame, const InertialValues*
                             edit.add(predicted.bias), false};
   timeline_.insert(state);
   edit.add(ImuResiduald{from_keyframe->integral.motion, {{0.0, 0.0, -options_.inertial.gravity}}},
-           imu_noise(from_keyframe->integral), keyframe.pose, keyframe.velocity, keyframe.bias, state.pose,
-           state.velocity, state.bias);
+           imu_noise(from_keyframe->integral), options_.inertial.loss, keyframe.pose, keyframe.velocity, keyframe.bias,
+           state.pose, state.velocity, state.bias);
   for (const std::uint32_t place : seen_) map_.track(place).sightings.back().pose = state.pose;
   add_sightings(edit);
   return window_.commit().ok();
 }
 
 // Against the points that are known. True where enough of them agree with the pose; the sightings of those that are far
-// from it are wrong matches and do not enter the solve.
-bool InertialOdometry::refine_prediction(InertialValues& predicted) {
+// from it are wrong matches and do not enter the solve. Where they agree with no pose, the IMU is right if it says how
+// the body moved, and what is far from its prediction does not enter either.
+bool InertialOdometry::refine_prediction(InertialValues& predicted, bool imu_covers) {
   known_.clear();
   known_places_.clear();
   for (const std::uint32_t place : seen_) {
@@ -147,16 +149,19 @@ bool InertialOdometry::refine_prediction(InertialValues& predicted) {
   }
   if (known_.size() < static_cast<std::size_t>(kLeastKnown)) return false;
   Pose3d& T = predicted.T_world_body;
-  if (!(median_error(known_, rig_, T, pose_work_.errors) < options_.visual.refine_above) &&
-      !agrees(find_pose(known_, rig_, kLeastKnown, T, pose_work_), kLeastKnown))
-    return false;
+  const Pose3d by_imu = T;
+  const bool agreed = median_error(known_, rig_, T, pose_work_.errors) < options_.visual.refine_above ||
+                      agrees(find_pose(known_, rig_, kLeastKnown, T, pose_work_), kLeastKnown);
+  if (!agreed && !imu_covers) return false;
+  if (!agreed) T = by_imu;
+  const double gate = agreed ? options_.visual.match_gate : options_.visual.start_gate;
   for (std::size_t k = 0; k < known_.size(); ++k) {
-    if (error_at(known_[k], rig_, T) <= options_.visual.match_gate) continue;
+    if (error_at(known_[k], rig_, T) <= gate) continue;
     map_.track(known_places_[k]).sightings.pop_back();
     std::erase(seen_, known_places_[k]);
     drop(DropReason::outlier);
   }
-  return true;
+  return agreed;
 }
 
 // The newest state was no keyframe: it leaves with what it saw, and the IMU links across it.

@@ -109,7 +109,7 @@ class InertialOdometry {
   bool add_frame(const StereoFrame& frame, const InertialValues* given, UpdateReport& report);
   bool link(GraphEdit& edit, const InertialState& from, const InertialState& to, const ImuBiasd& bias);
   InertialValues predict(const InertialState& from, const PreintegratedImud& motion) const;
-  bool refine_prediction(InertialValues& predicted);
+  bool refine_prediction(InertialValues& predicted, bool imu_covers);
   void give_way(GraphEdit& edit);
   void add_sightings(GraphEdit& edit);
   bool solve_and_gate(int iterations, UpdateReport& report);

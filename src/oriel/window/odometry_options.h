@@ -37,7 +37,8 @@ struct VisualOptions {
 struct InertialOptions {
   // What multiplies the densities of the sensor's data sheet: it leaves out vibration, scale and axis errors.
   double noise_factor = 8.0, walk_factor = 1.0;
-  double gravity = 9.81;                                  // [m/s²]
+  Loss loss = Huber(10.0);  // of a link's 15 scalars together [sigmas]: no noise reaches it, a saturated sensor does
+  double gravity = 9.81;    // [m/s²]
   double gyro_bias_sigma = 0.01, accel_bias_sigma = 0.1;  // of the first state [rad/s] [m/s²]
 };
 

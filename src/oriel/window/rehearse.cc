@@ -85,8 +85,8 @@ class Rehearsal {
       Preintegrator motion(ImuBiasd{}, {1e-3, 1e-2, 1e-4, 1e-3});
       for (int i = 0; i < 20; ++i) motion.step(0.005, Vec3d::zero(), {{0.0, 0.0, 9.81}});
       const State& before = states_.back();
-      edit.add(ImuResiduald{motion.result().motion, kStandardGravity}, imu_noise(motion.result()), before.pose,
-               before.velocity, before.bias, s.pose, s.velocity, s.bias);
+      edit.add(ImuResiduald{motion.result().motion, kStandardGravity}, imu_noise(motion.result()), Huber(10.0),
+               before.pose, before.velocity, before.bias, s.pose, s.velocity, s.bias);
     }
     states_.push_back(s);
   }
