@@ -222,7 +222,6 @@ class WindowFuzz {
     const bool same_window = update.reset[0] == '\0';
     if (same_window && update.status == WindowUpdate::Status::solve_failed) compare_unchanged();
     w_.position->faults = {}, faulty_ = false;
-    prune();
     return difference_.empty();
   }
   void count(const WindowUpdate& u) {
@@ -353,13 +352,6 @@ class WindowFuzz {
       const auto at = before_.find(u);
       if (at != before_.end() && at->second != value) wrong("a solve that failed has moved a value");
     }
-  }
-  // What both know of motions that nobody asks for any more.
-  void prune() {
-    const auto& p = w_.window.states().timeline(w_.positions);
-    const auto& l = w_.window.states().timeline(w_.levels);
-    if (!p.empty()) model_.moved.forget_before(p.oldest()->time);
-    if (!l.empty()) model_.levelled.forget_before(l.oldest()->time);
   }
 
   LinearWindow w_;
