@@ -333,8 +333,9 @@ class WindowFuzz {
   }
   void compare(const WindowModel::Values& truth) {
     for (const auto& [u, value] : values_of(w_, model_.landmarks)) {
+      if (!value.allFinite()) wrong("a value is no number");  // L6
       const auto at = truth.find(u);
-      if (at == truth.end()) continue;  // a landmark that nothing is known of any more
+      if (at == truth.end()) continue;  // something that nothing determines any more
       const double error = (value - at->second).cwiseAbs().maxCoeff() / (1.0 + at->second.cwiseAbs().maxCoeff());
       worst_ = std::max(worst_, error);
       if (!(error < 1e-9)) wrong("a value is off by " + std::to_string(error * 1e9) + "e-9");

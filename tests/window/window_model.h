@@ -152,7 +152,7 @@ class WindowModel {
   }
   const std::vector<Row>& rows() const { return rows_; }
   const std::vector<Prior>& priors() const { return priors_; }
-  // Of what any row or prior names.
+  // Of what any row or prior names, but for what they leave undetermined.
   Values solve() const {
     std::map<Unknown, int> at;
     int n = 0;
@@ -167,8 +167,12 @@ class WindowModel {
     const auto [A, b] = stack(rows, priors_, at, n);
     Values out;
     if (n == 0) return out;
-    const Eigen::VectorXd x = A.householderQr().solve(b);
-    for (const auto& [u, first] : at) out[u] = x.segment(first, u.dim());
+    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A.rows(), A.cols());
+    qr.setThreshold(kNegligible).compute(A);
+    const Eigen::VectorXd x = qr.solve(b);
+    const Eigen::MatrixXd N = null_space(qr);
+    for (const auto& [u, first] : at)
+      if (N.middleRows(first, u.dim()).isZero(1e-9)) out[u] = x.segment(first, u.dim());
     return out;
   }
   // Of the information of all of some priors, H = RᵀR and g = Rᵀd, from that of others: the largest of any scalar,
@@ -262,6 +266,15 @@ class WindowModel {
       all.erase(all.begin() + static_cast<std::ptrdiff_t>(k));
     }
     all.push_back(std::move(whole));
+  }
+  static constexpr double kNegligible = 1e-11;  // of a pivot, beside the largest
+  // Its columns: A P = Q [R S; 0 0], so that A P [-R⁻¹ S; I] = 0. Some of its entries are of the size of 1.
+  static Eigen::MatrixXd null_space(const Eigen::ColPivHouseholderQR<Eigen::MatrixXd>& qr) {
+    const Eigen::Index n = qr.cols(), r = qr.rank();
+    Eigen::MatrixXd N = Eigen::MatrixXd::Identity(n, n).rightCols(n - r);
+    const Eigen::MatrixXd S = qr.matrixR().topRightCorner(r, n - r);
+    N.topRows(r) = -qr.matrixR().topLeftCorner(r, r).triangularView<Eigen::Upper>().solve(S);
+    return qr.colsPermutation() * N;
   }
   // With the motions between neighbours.
   std::vector<Row> all_rows() const {
