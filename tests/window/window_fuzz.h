@@ -222,7 +222,7 @@ class WindowFuzz {
     const bool same_window = update.reset[0] == '\0';
     if (same_window && update.status == WindowUpdate::Status::solve_failed) compare_unchanged();
     w_.position->faults = {}, faulty_ = false;
-    return difference_.empty();
+    return difference_.empty() && !over_;
   }
   void count(const WindowUpdate& u) {
     ++counts_.updates;
@@ -331,7 +331,11 @@ class WindowFuzz {
       for (auto at = chain.begin(); at != chain.end(); ++at) rows += at != chain.begin() && !at->second.severed;
     if (factors != rows) wrong("another number of factors");
   }
+  // A slide before the solve may put the absurd measurement of a solved state into the prior. All rounding is beside
+  // that from then on: there is nothing left to compare, and the run ends.
   void compare(const WindowModel::Values& truth) {
+    for (const auto& [u, value] : truth) over_ = over_ || value.cwiseAbs().maxCoeff() > 1e100;
+    if (over_) return;
     for (const auto& [u, value] : values_of(w_, model_.landmarks)) {
       if (!value.allFinite()) wrong("a value is no number");  // L6
       const auto at = truth.find(u);
@@ -359,7 +363,7 @@ class WindowFuzz {
   WindowModel model_;
   FuzzPolicy* policy_ = nullptr;
   std::int64_t now_ = 0, operations_ = 0;
-  bool faulty_ = false;
+  bool faulty_ = false, over_ = false;
   std::string difference_;
   double worst_ = 0.0, worst_prior_ = 0.0;
   Counts counts_;
