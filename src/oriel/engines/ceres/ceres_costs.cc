@@ -77,7 +77,7 @@ bool FactorCost::linearize(double const* const* parameters, bool jacobians, std:
   rows.measurement = measurement.data(), rows.noise = noise.data();
   rows.at = at.data();
   rows.jacobian_at = jacobians && apart_ ? estimate.data() : at.data();
-  scratch.resize(static_cast<std::size_t>(kRows * ops_->dim * (1 + cols_) + 8));
+  scratch.resize(std::size_t{kRows} * static_cast<std::size_t>(ops_->dim) * static_cast<std::size_t>(1 + cols_) + 8);
   const auto misfit = reinterpret_cast<std::uintptr_t>(scratch.data()) % 64 / sizeof(double);
   Batch batch;
   batch.r = scratch.data() + (8 - misfit) % 8;
