@@ -20,9 +20,10 @@ void read_pinhole_radtan(YamlFields& fields, const CameraKeys& keys, RecordedCam
 
 bool set_camera_frame(const std::vector<double>& rows, RecordedCamera& camera) {
   Mat3d R;
+  std::size_t at = 0;
   for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) R(i, j) = rows[static_cast<std::size_t>(4 * i + j)];
-    camera.p_body_camera[i] = rows[static_cast<std::size_t>(4 * i + 3)];
+    for (int j = 0; j < 3; ++j) R(i, j) = rows[at++];
+    camera.p_body_camera[i] = rows[at++];
   }
   const double determinant = R.col(0).dot(cross(R.col(1), R.col(2)));
   if (!((R.transposed() * R - Mat3d::identity()).norm() < 1e-3) || !(determinant > 0)) return false;

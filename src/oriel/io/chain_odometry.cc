@@ -88,6 +88,7 @@ class Chain {
 template <class Pose, class Edge, class FilePose>
 std::vector<Pose> chain(const PoseGraphFile& file, const std::vector<Edge>& edges, const std::vector<FilePose>& from) {
   std::vector<Pose> values;
+  values.reserve(from.size());
   for (const FilePose& p : from) values.push_back(pose_of(p));
   return Chain<Pose, Edge>(file.ids.size(), edges)
       .from(values.empty() ? std::vector<std::int32_t>() : file.fixed, values);

@@ -21,8 +21,8 @@ void read_T_BS(YamlFields& fields, const std::string& path, std::vector<double>&
   YamlFields matrix(node, path, "T_BS");
   matrix.numbers("data", 16, rows);
   if (!matrix.ok()) return fields.fail("T_BS", matrix.error().message);
-  for (int j = 0; j < 4; ++j)
-    if (rows[static_cast<std::size_t>(12 + j)] != (j == 3 ? 1 : 0))
+  for (std::size_t j = 0; j < 4; ++j)
+    if (rows[12 + j] != (j == 3 ? 1 : 0))
       return fields.fail("T_BS", "expected a last row of 0, 0, 0, 1");
 }
 

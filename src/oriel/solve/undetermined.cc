@@ -251,6 +251,7 @@ std::vector<int> Minimizer::hold_null_scalars(const double* h) {
   });
   std::sort(found.begin(), found.end());
   std::vector<int> scalars;
+  scalars.reserve(found.size());
   for (const auto& f : found) scalars.push_back(f.second);
   if (!scalars.empty()) factorization.factor(h, e_.damping_.data(), nullptr);
   return scalars;

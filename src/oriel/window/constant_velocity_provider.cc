@@ -15,8 +15,8 @@ void keep(State& state, VariableId<Pose3d> pose, VariableId<Velocity3d> velocity
 
 Result<void> ConstantVelocityProvider::begin(GraphEdit& edit, State& state) {
   keep(state, edit.add(start_.T_world_body), edit.add(start_.velocity));
-  edit.add(Prior{start_.T_world_body}, start_.pose_noise, pose(state));
-  edit.add(Prior{start_.velocity}, start_.velocity_noise, velocity(state));
+  edit.add(Prior<Pose3d>{start_.T_world_body}, start_.pose_noise, pose(state));
+  edit.add(Prior<Velocity3d>{start_.velocity}, start_.velocity_noise, velocity(state));
   return {};
 }
 
