@@ -22,8 +22,7 @@ void read_T_BS(YamlFields& fields, const std::string& path, std::vector<double>&
   matrix.numbers("data", 16, rows);
   if (!matrix.ok()) return fields.fail("T_BS", matrix.error().message);
   for (std::size_t j = 0; j < 4; ++j)
-    if (rows[12 + j] != (j == 3 ? 1 : 0))
-      return fields.fail("T_BS", "expected a last row of 0, 0, 0, 1");
+    if (rows[12 + j] != (j == 3 ? 1 : 0)) return fields.fail("T_BS", "expected a last row of 0, 0, 0, 1");
 }
 
 void expect_text(YamlFields& fields, const char* key, const std::string& expected) {
