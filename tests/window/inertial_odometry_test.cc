@@ -112,6 +112,23 @@ TEST(InertialOdometry, StartsWhereItIsToldWithThatUncertainty) {
   EXPECT_LT((end.t - flight.pose(3.0).t).norm(), 0.05);
 }
 
+// W17: the bound is set where a sound flight passes it.
+TEST(InertialOdometry, BeginsAnewAndSaysWhyWhereAnEstimateIsBeyondBelief) {
+  const SimulatedFlight flight({.rest_s = 1.5, .duration_s = 4.0});
+  OdometryOptions options;
+  options.greatest_speed = 0.1;
+  Feed feed(flight, options);
+  feed.all();
+  int resets = 0;
+  for (const UpdateReport& r : feed.reports) {
+    if (r.reset[0] == '\0') continue;
+    ++resets;
+    EXPECT_STREQ(r.reset, "the estimated speed is beyond belief");
+    EXPECT_NE(r.status, Status::tracking);
+  }
+  EXPECT_GT(resets, 0);
+}
+
 TEST(InertialOdometry, DoesNotTakeAnEvenGlideForRest) {
   const SimulatedFlight flight({.rest_s = 2.5, .glide = 0.2, .duration_s = 10.0});
   Feed feed(flight);

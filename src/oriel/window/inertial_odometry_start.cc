@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "oriel/residual/prior.h"
+#include "oriel/window/imu_provider.h"
 #include "oriel/window/inertial_odometry.h"
 #include "oriel/window/rehearse.h"
 
@@ -17,19 +18,6 @@ ImuNoise scaled(ImuNoise n, const InertialOptions& o) {
 }
 
 constexpr std::size_t kTracks = 4096, kPoses = 8192, kSamples = 8192;  // room for, before memory is asked for again
-
-// Position and yaw are put tightly: that is where and how the world is. Roll and pitch are for gravity to say. The
-// tangent is in the body: its rotation R_world_body δ has the sigmas (tilt, tilt, yaw) in world.
-FullNoise<6> first_pose_noise(const Pose3d& T_world_body, const InitialisationOptions& o) {
-  const Mat3d R = T_world_body.R.matrix();
-  Mat3d W = Mat3d::zero();
-  W(0, 0) = W(1, 1) = 1.0 / (o.tilt_sigma * o.tilt_sigma);
-  W(2, 2) = 1.0 / (o.yaw_sigma * o.yaw_sigma);
-  Mat6d information = Mat6d::zero();
-  information.set_block(0, 0, R.transposed() * W * R);
-  information.set_block(3, 3, Mat3d::identity() / (o.position_sigma * o.position_sigma));
-  return Information(information);
-}
 
 // What puts `from` where `to` is by a shift and a turn about z: the turn that brings its axes nearest to those of `to`.
 Pose3d level_motion(const Pose3d& from, const Pose3d& to) {
@@ -164,7 +152,8 @@ bool InertialOdometry::begin(const Initialisation& start, UpdateReport& report) 
 void InertialOdometry::add_first_priors(GraphEdit& edit, const InertialState& state, const InertialValues& v,
                                         Initialisation::Kind kind) {
   const InitialisationOptions& o = options_.initialisation;
-  edit.add(Prior{v.T_world_body}, first_pose_noise(v.T_world_body, o), state.pose);
+  edit.add(Prior{v.T_world_body}, level_pose_noise(v.T_world_body, o.position_sigma, o.yaw_sigma, o.tilt_sigma),
+           state.pose);
   if (kind == Initialisation::Kind::standstill)
     edit.add(Prior{Velocity3d{}}, Sigma(o.rest_velocity_sigma), state.velocity);
   const double g = options_.inertial.gyro_bias_sigma, a = options_.inertial.accel_bias_sigma;
