@@ -20,7 +20,8 @@ struct SoakOptions {
   bool faults = true;
   int slices = 10;  // of the run, that are compared
   OdometryOptions odometry;
-  Function<std::int64_t()> allocations = {};  // of the process so far (testing/allocation_counter.h); empty: not counted
+  Function<std::int64_t()> allocations =
+      {};  // of the process so far (testing/allocation_counter.h); empty: not counted
 };
 
 // Updates that follow each other.
