@@ -18,8 +18,8 @@ class FactorBuilder {
   // Hands over what was measured since the last call. pending.begin() gives each group a number.
   virtual void drain(const Graph& graph, const States& states, PendingFactors& pending) = 0;
   // What became of a group: it is in the graph, hooks have let it pass (its variables and factors in the order in which
-  // they were added; what hooks took out is not in the graph), or it never will be. A group that came late and is in the
-  // prior has none of either.
+  // they were added; what hooks took out is not in the graph), or it never will be. A group that came late and is in
+  // the prior has none of either.
   virtual void entered(std::uint64_t group, std::span<const VariableKey> variables, std::span<const FactorId> factors) {
     (void)group, (void)variables, (void)factors;
   }

@@ -69,8 +69,8 @@ int VisualMap::observe(const StereoFrame& frame, VariableId<Pose3d> pose, std::v
 
 bool VisualMap::has_seen(Time time) const {
   return std::any_of(tracks_.begin(), tracks_.end(), [time](const Track& t) {
-    return t.live && std::any_of(t.sightings.begin(), t.sightings.end(),
-                                 [time](const Sighting& s) { return s.time == time; });
+    return t.live &&
+           std::any_of(t.sightings.begin(), t.sightings.end(), [time](const Sighting& s) { return s.time == time; });
   });
 }
 
