@@ -45,6 +45,59 @@ TEST(Loss, HasItsWeightAsSlope) {
     }
 }
 
+// L8
+TEST(Loss, OfEachRedescendingKindIsItsFormula) {
+  constexpr double c = 1.7, c2 = c * c;
+  for (const double s : {0.0, 1e-9, 0.4, 2.0, 2.8, 2.95, 40.0, 1e6}) {
+    const double tolerance = 1e-13 * (1.0 + s);
+    EXPECT_NEAR(evaluate_loss(GemanMcClure(c), s).rho, c2 * s / (c2 + s), tolerance);
+    EXPECT_NEAR(evaluate_loss(Tukey(c), s).rho, s < c2 ? c2 / 3.0 * (1.0 - std::pow(1.0 - s / c2, 3)) : c2 / 3.0,
+                tolerance);
+    EXPECT_NEAR(evaluate_loss(TruncatedSquares(c), s).rho, std::min(s, c2), tolerance);
+    const double mu = 0.3, low = c2 * mu / (mu + 1.0), high = c2 * (mu + 1.0) / mu;
+    const double between = 2.0 * c * std::sqrt(s * mu * (mu + 1.0)) - mu * (c2 + s);
+    EXPECT_NEAR(evaluate_loss(TruncatedSquares(c, mu), s).rho, s <= low ? s : s >= high ? c2 : between, tolerance);
+    for (const double alpha : {1.0, 0.5, -1.0, -2.0, -10.0}) {
+      const double b = std::fabs(alpha - 2.0),
+                   rho = 2.0 * c2 * b / alpha * (std::pow(s / (c2 * b) + 1.0, alpha / 2.0) - 1.0);
+      EXPECT_NEAR(evaluate_loss(Barron(c, alpha), s).rho, rho, 1e-12 * (1.0 + s)) << alpha;
+    }
+  }
+}
+
+// L8
+TEST(Loss, OfBarronHasTheKnownOnesAsMembers) {
+  constexpr double c = 1.3, c2 = c * c;
+  for (const double s : {0.0, 1e-6, 0.7, 9.0, 1e4}) {
+    EXPECT_DOUBLE_EQ(evaluate_loss(Barron(c, 2.0), s).rho, s);
+    // Cauchy's, with another scale; its neighbours are near it: dρ/dα is at most 2c² times the square of the logarithm.
+    const double log_u = std::log1p(0.5 * s / c2);
+    for (const double alpha : {0.0, 1e-13, -1e-13, 1e-7})
+      EXPECT_NEAR(evaluate_loss(Barron(c, alpha), s).rho, 2.0 * c2 * log_u,
+                  2.0 * c2 * std::fabs(alpha) * log_u * (1.0 + log_u) + 1e-13 * (1.0 + s));
+    const double welsch = 2.0 * c2 * (1.0 - std::exp(-0.5 * s / c2));
+    EXPECT_NEAR(evaluate_loss(Barron(c, -std::numeric_limits<double>::infinity()), s).rho, welsch, 1e-12);
+    EXPECT_NEAR(evaluate_loss(Barron(c, -1e9), s).rho, welsch, 1e-6 * (1.0 + s));
+    EXPECT_NEAR(evaluate_loss(Barron(c, -2.0), s).rho, evaluate_loss(GemanMcClure(2.0 * c), s).rho, 1e-12 * (1.0 + s));
+    EXPECT_NEAR(evaluate_loss(TruncatedSquares(c, 1e12), s).rho, evaluate_loss(TruncatedSquares(c), s).rho, 1e-9);
+  }
+}
+
+// L8
+TEST(Loss, OfEachRedescendingKindHasItsWeightAsSlopeAndBeginsAsSquares) {
+  for (const Loss& loss :
+       {GemanMcClure(1.1), Tukey(1.1), TruncatedSquares(1.1), TruncatedSquares(1.1, 0.2), Barron(1.1, 1.5),
+        Barron(1.1, 0.0), Barron(1.1, -3.0), Barron(1.1, -std::numeric_limits<double>::infinity())}) {
+    EXPECT_EQ(evaluate_loss(loss, 0.0).rho, 0.0) << name_of(loss.kind);
+    EXPECT_EQ(evaluate_loss(loss, 0.0).weight, 1.0) << name_of(loss.kind);
+    for (const double s : {0.3, 0.9, 1.15, 7.0, 300.0}) {
+      const double h = 1e-5 * s, slope = (evaluate_loss(loss, s + h).rho - evaluate_loss(loss, s - h).rho) / (2 * h);
+      EXPECT_NEAR(evaluate_loss(loss, s).weight, slope, 1e-8) << name_of(loss.kind) << " at " << s;
+      EXPECT_GE(evaluate_loss(loss, s).weight, 0.0);
+    }
+  }
+}
+
 TEST(Prior, IsNamedAfterItsVariable) {
   EXPECT_EQ(Prior<Pose3d>::kName, "prior/1(pose3/1)");
   EXPECT_EQ(Between<Pose2d>::kName, "between/1(pose2/1)");

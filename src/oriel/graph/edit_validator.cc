@@ -150,10 +150,8 @@ Result<void> EditValidator::factor(const edit::Factors& c, std::size_t i) const 
     return Error{ErrorCode::indefinite,
                  factor_name(c, i) + ": its noise is not valid (sigma > 0, positive semidefinite information wanted)"};
   const Loss& loss = c.added[i].loss;
-  if (loss.kind != LossKind::none && !(std::isfinite(loss.scale) && loss.scale > 0.0))
-    return Error{ErrorCode::bad_input, factor_name(c, i) + ": the scale of its loss must be positive"};
-  if ((loss.kind == LossKind::custom) != (loss.ops != nullptr))
-    return Error{ErrorCode::bad_input, factor_name(c, i) + ": a custom loss has functions, and no other has"};
+  if (const std::string_view fault = fault_of(loss); !fault.empty())
+    return Error{ErrorCode::bad_input, factor_name(c, i) + ": " + std::string(fault)};
   const std::size_t arity = c.ops->variables.size();
   for (std::size_t k = 0; k < arity; ++k) {
     const VariableOps& ops = *c.ops->variables[k];

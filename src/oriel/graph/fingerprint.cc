@@ -65,6 +65,7 @@ void add_table(Hash& h, const Graph& graph, const FactorTable& table) {
     h.bytes(table.noise(r), table.ops().noise_bytes);
     h.word(static_cast<std::uint64_t>(table.loss(r).kind));
     h.bytes(&table.loss(r).scale, sizeof(double));
+    h.bytes(&table.loss(r).shape, sizeof(double));
     if (table.loss(r).kind == LossKind::custom) h.word(table.loss(r).ops->key);
     add_variables(h, graph, table.variables(r));
   }

@@ -73,6 +73,7 @@ void put(ByteWriter& w, const edit::Factors& c) {
     w.put(a.order);
     w.put(a.loss.kind);
     w.put(a.loss.scale);
+    w.put(a.loss.shape);
     if (a.loss.kind == LossKind::custom) w.put_text(a.loss.ops->name);
   }
   put_column(w, c.measurements);

@@ -18,7 +18,7 @@ inline constexpr MessageKind kEditMessage = 1, kSolutionMessage = 2;
 // One message: 24 bytes of header (magic, version, kind, size, checksum), then the payload.
 struct Message {
   static constexpr std::uint32_t kMagic = 0x314c524f;  // "ORL1"
-  static constexpr std::uint16_t kVersion = 1;
+  static constexpr std::uint16_t kVersion = 2;
   static constexpr std::size_t kHeaderBytes = 24;
 
   MessageKind kind = 0;

@@ -108,7 +108,7 @@ class EditReader {
 
   bool rows(edit::Factors& c) {
     const std::size_t arity = c.ops->variables.size(), m = c.ops->measurement_bytes, w = c.ops->noise_bytes;
-    const std::uint32_t n = r_.get_count(33 + m + w + 8 * arity);
+    const std::uint32_t n = r_.get_count(41 + m + w + 8 * arity);
     for (std::uint32_t i = 0; i < n; ++i) {
       edit::AddedFactor a;
       a.key = get_key(r_);
@@ -135,8 +135,10 @@ class EditReader {
 
   bool loss(Loss& out) {
     const auto kind = r_.get<std::uint8_t>();
-    if (kind > static_cast<std::uint8_t>(LossKind::custom)) return false;
-    out = {static_cast<LossKind>(kind), r_.get<double>()};
+    if (kind > static_cast<std::uint8_t>(LossKind::barron)) return false;
+    out.kind = static_cast<LossKind>(kind);
+    out.scale = r_.get<double>();
+    out.shape = r_.get<double>();
     if (out.kind != LossKind::custom) return r_.ok();
     const std::string_view name = r_.get_text();
     out.ops = types_.find_loss(name);

@@ -103,7 +103,8 @@ void BlockMatrix::multiply(std::span<const double> x, int columns, std::span<dou
       for (std::size_t k = 0; k < static_cast<std::size_t>(columns); ++k)
         for (int c = 0; c < other.dim; ++c)
           for (int r = 0; r < row.dim; ++r) {
-            const double a = block.numbers[static_cast<std::size_t>(c * row.dim + r)];
+            const double a = block.numbers[static_cast<std::size_t>(c) * static_cast<std::size_t>(row.dim) +
+                                           static_cast<std::size_t>(r)];
             const std::size_t i = k * n + static_cast<std::size_t>(row.offset + r),
                               j = k * n + static_cast<std::size_t>(other.offset + c);
             y[i] += a * x[j];
@@ -162,7 +163,7 @@ BlockMatrix hessian(const Graph& graph, const LinearStructure& structure, const 
     const VariableKey id = key_of(graph, l.pool, l.dense);
     const double* data = system.landmarks.data();
     h.add_variable(id, l.dim);
-    h.set(id, id, std::span(data + l.v(), static_cast<std::size_t>(l.dim * l.dim)));
+    h.set(id, id, std::span(data + l.v(), static_cast<std::size_t>(l.dim) * static_cast<std::size_t>(l.dim)));
     std::int64_t row = 0;  // of W: blocks stand one after the other, or where the panel has them
     for (int k = 0; k < l.neighbours; ++k) {
       const int at = structure.neighbours()[static_cast<std::size_t>(l.first_neighbour + k)];

@@ -62,6 +62,8 @@ struct Between {
       return (a.inverse() * b).minus(cast<ScalarOf<W>>(measured));
   }
 };
+template <class V>
+Between(V) -> Between<V>;
 
 // Compiled once, in the library; with other values or noise they are compiled where they are used.
 extern template void linearize_rows<Between<Pose2d>, IsotropicNoise>(const RowPointers&, Batch&) noexcept;

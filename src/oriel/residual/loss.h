@@ -4,7 +4,9 @@
 #pragma once
 #include <cmath>
 #include <concepts>
+#include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <string_view>
 #include <type_traits>
 
@@ -13,7 +15,7 @@
 
 namespace oriel {
 
-enum class LossKind : std::uint8_t { none, huber, cauchy, custom };
+enum class LossKind : std::uint8_t { none, huber, cauchy, custom, geman_mcclure, tukey, truncated, barron };
 
 template <class S>
 struct LossValue {
@@ -45,14 +47,41 @@ struct Loss {
   LossKind kind = LossKind::none;
   double scale = 1.0;            // in whitened units (sigmas), > 0
   const LossOps* ops = nullptr;  // of a custom one
+  double shape = 0.0;            // Barron's α, and the μ of a truncated one; else 0
 
   static constexpr Loss none() { return {}; }
 };
+
+// Why it is none, e.g. "the scale of its loss must be positive"; empty where all is well.
+constexpr std::string_view fault_of(const Loss& loss) {
+  const auto finite = [](double x) { return x - x == 0.0; };
+  if (loss.kind > LossKind::barron) return "its loss is of no kind";
+  if ((loss.kind == LossKind::custom) != (loss.ops != nullptr)) return "a custom loss has functions, and no other has";
+  if (loss.kind != LossKind::none && !(finite(loss.scale) && loss.scale > 0.0))
+    return "the scale of its loss must be positive";
+  if (loss.kind == LossKind::truncated) return loss.shape > 0.0 ? "" : "the shape of a truncated loss must be positive";
+  if (loss.kind == LossKind::barron) return loss.shape <= 2.0 ? "" : "the shape of Barron's loss must be at most 2";
+  return loss.shape == 0.0 ? "" : "a loss of its kind has no shape";
+}
 
 // ρ(s) = s up to k², then 2k√s - k². Huber, Robust Estimation of a Location Parameter, 1964.
 constexpr Loss Huber(double k) { return {LossKind::huber, k}; }
 // ρ(s) = c² log(1 + s/c²).
 constexpr Loss Cauchy(double c) { return {LossKind::cauchy, c}; }
+// ρ(s) = c² s / (c² + s). Geman and McClure, Statistical Methods for Tomographic Image Restoration, 1987.
+constexpr Loss GemanMcClure(double c) { return {LossKind::geman_mcclure, c}; }
+// ρ(s) = c²/3 (1 - (1 - s/c²)³) up to c², then c²/3: Tukey's biweight. Beaton and Tukey, 1974.
+constexpr Loss Tukey(double c) { return {LossKind::tukey, c}; }
+// ρ(s) = min(s, c²). With a finite μ its graduated form, convex as μ → 0 and truncated as μ → ∞:
+// ρ(s) = s below c² μ/(μ+1), 2c√(s μ(μ+1)) - μ(c² + s) up to c² (μ+1)/μ, then c².
+// Yang, Antonante, Tzoumas, Carlone, Graduated Non-Convexity for Robust Spatial Perception, 2020, eq. 6 (there ε is c̄).
+constexpr Loss TruncatedSquares(double c, double mu = std::numeric_limits<double>::infinity()) {
+  return {LossKind::truncated, c, nullptr, mu};
+}
+// ρ(s) = 2c² b/α ((s/(c² b) + 1)^(α/2) - 1) with b = |α - 2|; its limits at α = 2 (squares), 0 (Cauchy's form) and -∞
+// (Welsch's). α ≤ 2; 1 is the pseudo-Huber one, -2 Geman and McClure's. Barron, A General and Adaptive Robust Loss
+// Function, 2019, eq. 8, twice as large and c² times: so that ρ'(0) = 1.
+constexpr Loss Barron(double c, double alpha) { return {LossKind::barron, c, nullptr, alpha}; }
 // A user's own.
 template <LossFunction L>
 constexpr Loss CustomLoss(double scale) {
@@ -78,9 +107,14 @@ LossValue<S> evaluate_loss(LossKind kind, const S& scale, const S& s) {
   return {s, S(1.0)};
 }
 
+namespace detail {
+LossValue<double> evaluate_redescending(const Loss& loss, double s) noexcept;  // those that are not inline
+}
+
 // Of whatever kind.
 inline LossValue<double> evaluate_loss(const Loss& loss, double s) {
   if (loss.kind == LossKind::custom) return loss.ops->evaluate(loss.scale, s);
+  if (loss.kind > LossKind::custom) return detail::evaluate_redescending(loss, s);
   return evaluate_loss(loss.kind, loss.scale, s);
 }
 
@@ -105,10 +139,9 @@ inline LossValue<Pack> evaluate_losses(const Loss* const* loss, Pack kind, Pack 
 }
 
 constexpr std::string_view name_of(LossKind kind) {
-  return kind == LossKind::huber    ? "huber"
-         : kind == LossKind::cauchy ? "cauchy"
-         : kind == LossKind::custom ? "custom"
-                                    : "none";
+  constexpr std::string_view kNames[] = {"none",          "huber", "cauchy",    "custom",
+                                         "geman-mcclure", "tukey", "truncated", "barron"};
+  return kNames[static_cast<std::size_t>(kind)];
 }
 
 }  // namespace oriel

@@ -41,6 +41,8 @@ struct Prior {
       return x.minus(cast<ScalarOf<W>>(value));
   }
 };
+template <class V>
+Prior(V) -> Prior<V>;
 
 // Compiled once, in the library; with other values or noise they are compiled where they are used.
 extern template void linearize_rows<Prior<Pose2d>, IsotropicNoise>(const RowPointers&, Batch&) noexcept;
