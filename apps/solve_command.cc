@@ -16,7 +16,8 @@ namespace {
 // As they stand on the command line.
 struct SolveArguments {
   std::vector<std::string> files;
-  std::string method = "lm", loss = "none", init = "auto", rotation_error = "quaternion", out, json;
+  std::string method = "lm", linear_solver = "auto", loss = "none", init = "auto", rotation_error = "quaternion", out,
+              json;
   int iterations = 100, threads = 1;
   double deadline_ms = 0;
 };
@@ -46,6 +47,9 @@ ProblemOptions problem_options(const SolveArguments& a) {
 SolveOptions solve_options(const SolveArguments& a) {
   SolveOptions options;
   if (a.method == "gn") options.method = Method::gauss_newton;
+  if (a.method == "dogleg") options.method = Method::dogleg;
+  if (a.linear_solver == "direct") options.linear_solver = LinearSolver::direct;
+  if (a.linear_solver == "cg") options.linear_solver = LinearSolver::conjugate_gradient;
   options.max_iterations = a.iterations;
   options.threads = a.threads;
   options.deadline = Duration::from_seconds(a.deadline_ms * 1e-3);
@@ -106,8 +110,11 @@ void add_solve_command(CLI::App& app, int& exit_code) {
   const auto a = std::make_shared<SolveArguments>();
   CLI::App* command = app.add_subcommand("solve", "Solves pose graphs (g2o) and bundle adjustments (BAL)");
   command->add_option("FILE", a->files, "Problem files, g2o or BAL by their content")->required();
-  command->add_option("--method", a->method, "Levenberg-Marquardt or Gauss-Newton")
-      ->check(one_of({"lm", "gn"}))
+  command->add_option("--method", a->method, "Levenberg-Marquardt, Powell's dogleg or Gauss-Newton")
+      ->check(one_of({"lm", "dogleg", "gn"}))
+      ->capture_default_str();
+  command->add_option("--linear-solver", a->linear_solver, "Of what is left without landmarks; auto: by its size")
+      ->check(one_of({"auto", "direct", "cg"}))
       ->capture_default_str();
   command->add_option("--loss", a->loss, "none, huber:SCALE or cauchy:SCALE; SCALE in whitened units")
       ->check(CLI::Validator(fault_of_loss, ""))

@@ -9,7 +9,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;  // keys in the order in which they are written down here
 
-const char* name_of(Method method) { return method == Method::gauss_newton ? "gn" : "lm"; }
+const char* name_of(Method method) {
+  return method == Method::gauss_newton ? "gn" : method == Method::dogleg ? "dogleg" : "lm";
+}
 const char* name_of(PoseStart start) { return start == PoseStart::file ? "file" : "odometry"; }
 
 Json trace_json(const Summary& summary) {

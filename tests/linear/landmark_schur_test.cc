@@ -5,6 +5,7 @@
 
 #include "linear/random_problem.h"
 #include "oriel/linear/block_matrix.h"
+#include "oriel/linear/hessian_product.h"
 
 namespace oriel {
 namespace {
@@ -29,6 +30,12 @@ void expect_dense(const RandomProblem& problem, System& system, double tolerance
   EXPECT_NEAR(system.active.total, d.cost, 1e-12 * d.cost);
   for (int i = 0; i < system.structure.dim(); ++i)
     ASSERT_NEAR(system.numbers.diagonal[static_cast<std::size_t>(i)], d.h(i, i), 1e-12 * scale);
+  HessianProduct product;
+  product.prepare(system.structure);
+  const Eigen::VectorXd x = Eigen::VectorXd::LinSpaced(system.structure.dim(), -1.0, 2.0);
+  Eigen::VectorXd hx(x.size());
+  product.whole(system.structure, system.numbers, x.data(), hx.data());
+  EXPECT_LE((hx - d.h * x).norm(), 1e-12 * scale * x.norm());
   const Eigen::VectorXd damping = Eigen::VectorXd::LinSpaced(system.structure.dim(), 0.3, 0.9);
   const Eigen::VectorXd step = system.solve(damping), expected = testing::dense_step(d, damping);
   EXPECT_LE((step - expected).norm(), tolerance * (1.0 + expected.norm()));

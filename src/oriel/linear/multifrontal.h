@@ -24,6 +24,7 @@
 namespace oriel {
 
 struct FactorOptions {
+  LinearSolver linear_solver = LinearSolver::direct;
   OrderingMethod ordering = OrderingMethod::automatic;
   // A pivot at or below this share of its diagonal entry of H + damping is undetermined.
   double relative_pivot = 1e-13;

@@ -14,6 +14,13 @@ enum class OrderingMethod {
   automatic,          // minimum degree, and nested dissection as well where the work pays for trying
 };
 
+// How the reduced system, what is left when landmarks are eliminated, is solved. Without landmarks: direct.
+enum class LinearSolver {
+  direct,              // formed and factored
+  conjugate_gradient,  // not formed: products alone (linear/schur_conjugate_gradient.h)
+  automatic,           // whichever the sizes say is quicker
+};
+
 // Approximate minimum degree on the quotient graph of the blocks, each weighted by its dimension: P. Amestoy, T. Davis,
 // I. Duff, "An approximate minimum degree ordering algorithm", SIAM J. Matrix Anal. Appl. 17 (1996), with element
 // absorption, mass elimination, indistinguishable variables and the degree bound of its section 4.

@@ -103,6 +103,9 @@ class LinearStructure {
   // Whether every landmark's W has a row for all kept scalars from first_seen() on: columns of one tall matrix, which
   // pays where most landmarks are seen by most kept variables, as in a window.
   bool landmark_panel() const { return landmark_panel_; }
+  // Whether the reduced system is formed. Where it is not, H has the blocks of kept variables that share a factor, and
+  // those that only share landmarks have none.
+  bool forms_reduced() const { return forms_reduced_; }
   int first_seen() const { return first_seen_; }      // kept block from which on all see landmarks
   int first_scalar() const { return first_scalar_; }  // of that block, in a step
   int panel_rows() const { return kept_dim_ - first_scalar_; }
@@ -117,6 +120,7 @@ class LinearStructure {
   const std::vector<std::int32_t>& offsets(std::size_t pool) const { return offsets_[pool]; }
   const Target& target(std::size_t pool, std::uint32_t dense) const { return targets_[pool][dense]; }
   BlockAddress address(int i, int j) const;
+  const BlockPattern& pattern() const { return pattern_; }  // of the kept blocks
   // The variable to which scalar `s` of a step belongs: (pool, dense, scalar within it).
   void locate(int s, std::uint32_t& pool, std::uint32_t& dense, int& within) const;
 
@@ -138,7 +142,13 @@ class LinearStructure {
   void choose_panel();
   void place_landmarks();
   void place_panel_rows(TablePlan& plan);
-  void connect_all();
+  void connect_rows();
+  void connect_neighbours();
+  bool may_form_reduced() const;
+  double iterative_seconds() const;
+  void find_pattern();
+  Result<void> factorize(const FactorOptions& options);
+  void tabulate();
   Result<void> analyze(const FactorOptions& options);
   void connect(int i, int j);
   void place_pairs();
@@ -157,7 +167,7 @@ class LinearStructure {
   std::vector<std::uint32_t> pool_order_, table_order_;  // by name
   std::uint64_t version_ = 0;
   int kept_dim_ = 0, dim_ = 0, first_seen_ = 0, first_scalar_ = 0;
-  bool landmark_panel_ = false;
+  bool landmark_panel_ = false, forms_reduced_ = true;
   double landmark_flops_ = 0.0;
   std::int64_t landmark_store_ = 0;
   Multifrontal factorization_;

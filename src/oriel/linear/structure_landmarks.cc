@@ -119,7 +119,7 @@ void LinearStructure::place_panel_rows(TablePlan& plan) {
 
 void LinearStructure::place_landmark_pairs() {
   landmark_pairs_.clear();
-  if (landmark_panel_) return;  // one product of all
+  if (landmark_panel_ || !forms_reduced_) return;  // one product of all, or none
   for (LandmarkBlock& l : landmarks_) {
     l.first_pair = static_cast<std::int64_t>(landmark_pairs_.size());
     for (int a = 0; a < l.neighbours; ++a)

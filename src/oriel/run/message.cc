@@ -17,15 +17,21 @@ void for_each_field(State& state, F&& f) {
 template <class Options, class F>
 void for_each_number(Options& options, F&& f) {
   auto& [method, max_iterations, threads, function_tolerance, gradient_tolerance, step_tolerance, initial_lambda,
-         deadline, first_estimates, trace, ordering, callback, clock] = options;
+         initial_radius, linear_solver, conjugate_gradient, deadline, first_estimates, trace, ordering, callback,
+         clock] = options;
+  auto& [forcing, most_products] = conjugate_gradient;
   f(max_iterations);
   f(threads);
   f(function_tolerance);
   f(gradient_tolerance);
   f(step_tolerance);
   f(initial_lambda);
+  f(initial_radius);
+  f(forcing);
+  f(most_products);
   f(first_estimates);
-  static_cast<void>(method), static_cast<void>(ordering);  // enums: checked by the reader
+  static_cast<void>(method), static_cast<void>(ordering),
+      static_cast<void>(linear_solver);  // enums: checked by the reader
   // These do not travel.
   static_cast<void>(deadline), static_cast<void>(callback), static_cast<void>(clock), static_cast<void>(trace);
 }
@@ -57,6 +63,7 @@ void append_solve(Bytes& out, const SolveRequest& request) {
   append_message(out, kSolveMessage, [&](ByteWriter& w) {
     w.put(static_cast<std::uint8_t>(request.options.method));
     w.put(static_cast<std::uint8_t>(request.options.ordering));
+    w.put(static_cast<std::uint8_t>(request.options.linear_solver));
     for_each_number(request.options, [&](const auto& x) { w.put(x); });
     for_each_field(request.state, [&](const auto& x) { w.put(x); });
   });
@@ -66,13 +73,15 @@ Result<SolveRequest> read_solve(const Message& message) {
   if (message.kind != kSolveMessage) return damaged("it asks for no solve");
   ByteReader r(message.payload);
   SolveRequest q;
-  const auto method = r.get<std::uint8_t>(), ordering = r.get<std::uint8_t>();
+  const auto method = r.get<std::uint8_t>(), ordering = r.get<std::uint8_t>(), solver = r.get<std::uint8_t>();
   for_each_number(q.options, [&](auto& x) { get(r, x); });
   for_each_field(q.state, [&](auto& x) { get(r, x); });
-  if (!r.at_end() || method > static_cast<std::uint8_t>(Method::gauss_newton) ||
+  if (!r.at_end() || method > static_cast<std::uint8_t>(Method::dogleg) ||
+      solver > static_cast<std::uint8_t>(LinearSolver::automatic) ||
       ordering > static_cast<std::uint8_t>(OrderingMethod::automatic) || q.options.threads < 1 ||
       q.options.threads > 1024)
     return damaged("the options of a solve are not valid");
+  q.options.linear_solver = static_cast<LinearSolver>(solver);
   q.options.method = static_cast<Method>(method);
   q.options.ordering = static_cast<OrderingMethod>(ordering);
   return q;

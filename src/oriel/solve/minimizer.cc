@@ -1,5 +1,5 @@
-// Levenberg–Marquardt and Gauss–Newton. Damping: Marquardt's λ diag(H), updated after K. Madsen, H. Nielsen,
-// O. Tingleff, "Methods for Non-Linear Least Squares Problems", 2004, section 3.2 (algorithm 3.16).
+// Levenberg–Marquardt, Gauss–Newton and Powell's dogleg. Damping: Marquardt's λ diag(H), updated after K. Madsen, H.
+// Nielsen, O. Tingleff, "Methods for Non-Linear Least Squares Problems", 2004, section 3.2 (algorithm 3.16).
 #include "oriel/solve/minimizer.h"
 
 #include <algorithm>
@@ -13,6 +13,8 @@ namespace {
 constexpr double kLeastDiagonal = 1e-6, kLargestDiagonal = 1e32;  // of what λ multiplies
 constexpr std::size_t kMostNotFinite = 16;                        // named in a summary
 constexpr double kLeastLambda = 1e-16, kLargestLambda = 1e16;
+constexpr double kDoglegLambda = 1e-14, kLargestDoglegLambda = 1e-4;  // only so that there is a solution
+constexpr double kLeastRadius = 1e-32;
 
 double largest(const std::vector<double>& v) {
   double m = 0.0;
@@ -54,13 +56,17 @@ bool Minimizer::start() {
   summary_.fronts = static_cast<int>(s.factorization().symbolic().fronts().size());
   summary_.factor_flops = s.factorization().symbolic().flops();
   summary_.schur_flops = s.landmark_flops();
-  summary_.linear_solver = s.landmarks().empty() ? "multifrontal"
-                           : s.landmark_panel()  ? "landmark_schur_panel+multifrontal"
-                                                 : "landmark_schur+multifrontal";
+  name_linear_solver();
   const double automatic = s.landmarks().empty() ? 1e-8 : 1e-4;
   lambda_ = options_.method == Method::gauss_newton ? 0.0
+            : options_.method == Method::dogleg     ? kDoglegLambda
             : options_.initial_lambda > 0.0         ? options_.initial_lambda
                                                     : automatic;
+  if (options_.method == Method::dogleg) {
+    const double radius = s.landmarks().empty() ? HUGE_VAL : 1e4;
+    e_.dogleg_.start(options_.initial_radius > 0.0 ? options_.initial_radius : radius);
+    if (e_.product_.structure_version() != s.version()) e_.product_.prepare(s);
+  }
   fallbacks_before_ = e_.linearizer_.kernel_fallbacks();
   e_.solution_.version = e_.graph_->version();  // what the user sets from now on (in a callback) is newer (C5)
   e_.point_.take(*e_.graph_);
@@ -78,6 +84,18 @@ bool Minimizer::start() {
   return !stopped_;
 }
 
+void Minimizer::name_linear_solver() {
+  const LinearStructure& s = e_.structure_;
+  // One front that holds everything is a dense matrix.
+  const bool dense = summary_.fronts <= 1;
+  summary_.linear_solver = s.landmarks().empty() ? dense ? "dense" : "multifrontal"
+                           : !s.forms_reduced()  ? "landmark_schur+conjugate_gradient"
+                           : s.landmark_panel()
+                               ? dense ? "landmark_schur_panel+dense" : "landmark_schur_panel+multifrontal"
+                           : dense ? "landmark_schur+dense"
+                                   : "landmark_schur+multifrontal";
+}
+
 // One trial. True when a new linearization is wanted, or nothing more. A trial that a deadline cut short is no
 // iteration: a replay that is told their number does the same work.
 bool Minimizer::iterate() {
@@ -86,11 +104,11 @@ bool Minimizer::iterate() {
     return true;
   }
   if (out_of_time()) return true;
-  solved_ = solve_linear();
+  solved_ = find_step();
   if (stopped_) return true;
   double gain = 0.0;
   if (solved_) {
-    summary_.predicted_gain = gain = predicted_gain();
+    summary_.predicted_gain = gain = options_.method == Method::dogleg ? e_.dogleg_.gain() : predicted_gain();
     summary_.gain_open = true;
     if (out_of_time()) return true;
     if (!step_is_tiny()) step_to_trial();
@@ -116,6 +134,7 @@ void Minimizer::linearize() {
   Stage stage(*this, summary_.seconds.linearize);
   e_.linearizer_.linearize(*e_.graph_, e_.structure_, e_.point_, &e_.active_, e_.system_, pool_);
   ++summary_.linearizations;
+  begun_ = false;
   // Rows without a finite Jacobian have left the active set at this point, whose cost is another one then.
   cost_ = e_.active_.total;
   if (summary_.accepted == 0) summary_.initial_cost = cost_;
@@ -130,10 +149,37 @@ void Minimizer::linearize() {
     stop(Reason::gradient_tolerance, summary_.gradient, options_.gradient_tolerance);
 }
 
+bool Minimizer::find_step() { return options_.method == Method::dogleg ? find_dogleg_step() : solve_linear(); }
+
+// The linear system is solved once a linearization; a rejected step only shortens the path.
+bool Minimizer::find_dogleg_step() {
+  const LinearStructure& s = e_.structure_;
+  const auto n = static_cast<std::size_t>(s.dim());
+  if (!begun_) {
+    bool found = solve_linear();
+    while (!found && !stopped_ && lambda_ < kLargestDoglegLambda) {
+      lambda_ *= 100.0;
+      found = solve_linear();
+    }
+    if (stopped_) return false;
+    Stage stage(*this, summary_.seconds.solve);
+    for (auto* v : {&e_.scale_, &e_.step_product_, &e_.descent_product_}) v->resize(n);
+    for (std::size_t i = 0; i < n; ++i)
+      e_.scale_[i] = std::clamp(e_.system_.diagonal[i], kLeastDiagonal, kLargestDiagonal);
+    const std::vector<double>& q = e_.dogleg_.descent(e_.system_.gradient, e_.scale_);
+    e_.product_.whole(s, e_.system_, q.data(), e_.descent_product_.data());
+    if (found) e_.product_.whole(s, e_.system_, e_.step_.data(), e_.step_product_.data());
+    e_.dogleg_.begin(e_.system_.gradient, e_.scale_, found ? e_.step_.data() : nullptr, e_.step_product_.data(),
+                     e_.descent_product_.data());
+    begun_ = true;
+  }
+  e_.dogleg_.step(e_.step_);
+  return std::isfinite(largest(e_.step_));
+}
+
 // False without a solution; or, with stopped_, where a deadline passed between two of its stages.
 bool Minimizer::solve_linear() {
   const LinearStructure& s = e_.structure_;
-  Multifrontal& factorization = e_.structure_.factorization();
   e_.damping_.resize(s.dim());
   e_.rhs_.resize(s.kept_dim());
   e_.step_.resize(s.dim());
@@ -142,6 +188,22 @@ bool Minimizer::solve_linear() {
     e_.damping_[i] = lambda_ * std::clamp(e_.system_.diagonal[i], kLeastDiagonal, kLargestDiagonal);
     empty = empty || e_.system_.diagonal[i] <= 0.0;
   }
+  suspicious_ = empty;
+  return s.forms_reduced() ? solve_directly() : solve_by_conjugate_gradient();
+}
+
+bool Minimizer::solve_by_conjugate_gradient() {
+  Stage stage(*this, summary_.seconds.solve);
+  const auto report = e_.conjugate_gradient_.solve(e_.structure_, e_.system_, e_.product_, e_.damping_.data(),
+                                                   options_.conjugate_gradient, e_.step_.data(), pool_);
+  factored_lambda_ = lambda_;
+  summary_.linear_iterations += report.iterations;
+  return report.finite && std::isfinite(largest(e_.step_));
+}
+
+bool Minimizer::solve_directly() {
+  const LinearStructure& s = e_.structure_;
+  Multifrontal& factorization = e_.structure_.factorization();
   const double* h = e_.system_.h.data();
   {
     Stage stage(*this, summary_.seconds.eliminate);
@@ -159,7 +221,7 @@ bool Minimizer::solve_linear() {
     const FactorReport& report = factorization.factor(h, e_.damping_.data(), pool_);
     factored_lambda_ = lambda_;
     if (report.status == FactorReport::Status::not_finite) return false;
-    suspicious_ = empty || report.status == FactorReport::Status::undetermined ||
+    suspicious_ = suspicious_ || report.status == FactorReport::Status::undetermined ||
                   report.smallest_ratio < 1e-10 + 10 * lambda_ || !e_.schur_.undetermined().empty();
   }
   if (out_of_time()) return false;
@@ -204,10 +266,11 @@ bool Minimizer::accept(double trial_cost, double gain) {
   if (options_.method == Method::levenberg_marquardt) {
     const double r = 2.0 * decrease / gain - 1.0;
     lambda_ = std::max(kLeastLambda, lambda_ * std::max(1.0 / 3.0, 1.0 - r * r * r));
-    nu_ = 2.0;
   }
+  if (options_.method == Method::dogleg) e_.dogleg_.accepted(decrease);
+  nu_ = 2.0;
   if (!report(true)) return true;
-  if (!sides_changed && decrease <= options_.function_tolerance * cost_)
+  if (!sides_changed && !is_cut() && decrease <= options_.function_tolerance * cost_)
     stop(Reason::function_tolerance, decrease, options_.function_tolerance * cost_);
   return true;
 }
@@ -216,7 +279,8 @@ bool Minimizer::accept(double trial_cost, double gain) {
 // others from here were rejected. False for a cost that is not a number.
 bool Minimizer::converged_by_cost(double decrease) {
   const double bound = options_.function_tolerance * cost_;
-  if (!(decrease <= bound) || !(summary_.predicted_gain.value_or(HUGE_VAL) <= bound) || nu_ > 2.0) return false;
+  if (!(decrease <= bound) || !(summary_.predicted_gain.value_or(HUGE_VAL) <= bound) || nu_ > 2.0 || is_cut())
+    return false;
   stop(Reason::function_tolerance, decrease, options_.function_tolerance * cost_);
   return true;
 }
@@ -225,6 +289,14 @@ void Minimizer::reject() {
   ++summary_.rejected;
   if (options_.method == Method::gauss_newton) {
     stop(solved_ ? Reason::diverged : Reason::not_finite, e_.trial_active_.total, cost_);
+    return;
+  }
+  if (options_.method == Method::dogleg) {
+    nu_ *= 2.0;
+    e_.dogleg_.rejected();
+    report(false);
+    if (!solved_ || e_.dogleg_.radius() < kLeastRadius)
+      stop(solved_ ? Reason::no_descending_step : Reason::not_finite, e_.dogleg_.radius(), kLeastRadius);
     return;
   }
   lambda_ = std::max(lambda_, 1e-10) * nu_;
@@ -250,7 +322,13 @@ bool Minimizer::out_of_time() {
 }
 
 bool Minimizer::report(bool accepted) {
-  const IterationReport r{summary_.iterations, seconds(), cost_, summary_.gradient, lambda_, accepted};
+  const IterationReport r{summary_.iterations,
+                          seconds(),
+                          cost_,
+                          summary_.gradient,
+                          lambda_,
+                          options_.method == Method::dogleg ? e_.dogleg_.radius() : 0.0,
+                          accepted};
   if (options_.trace) summary_.trace.push_back(r);
   if (!options_.callback || options_.callback(r)) return true;
   stop(Reason::stopped_by_callback, 0, 0);
@@ -280,7 +358,8 @@ void Minimizer::finish() {
   if (summary_.reason == Reason::gradient_tolerance && summary_.iterations == 0) solve_linear();
   const bool in_time =
       summary_.reason != Reason::deadline && (options_.deadline.ns <= 0 || seconds() <= options_.deadline.seconds());
-  if (in_time && (suspicious_ || may_have_gauge() || (summary_.linearizations > 0 && has_weak_landmark())))
+  if (in_time && e_.structure_.forms_reduced() &&
+      (suspicious_ || may_have_gauge() || (summary_.linearizations > 0 && has_weak_landmark())))
     find_undetermined();
   {
     Stage stage(*this, summary_.seconds.adopt);

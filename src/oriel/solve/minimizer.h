@@ -11,16 +11,23 @@ class Minimizer {
 
  private:
   bool start();
+  void name_linear_solver();
   bool iterate();
   void evaluate(const Point& point, const ActiveSet* frozen, ActiveSet& out);
   void linearize();
+  bool find_step();
+  bool find_dogleg_step();
   bool solve_linear();
+  bool solve_directly();
+  bool solve_by_conjugate_gradient();
   void step_to_trial();
   double predicted_gain() const;
   bool accept(double trial_cost, double gain);
   void reject();
   bool converged_by_cost(double decrease);
   bool step_is_tiny();
+  // Steps that a trust region cuts short say nothing of how near the minimum is.
+  bool is_cut() const { return options_.method == Method::dogleg && e_.dogleg_.is_cut(); }
   bool out_of_time();
   bool report(bool accepted);
   void stop(Reason reason, double value, double bound);
@@ -57,6 +64,7 @@ class Minimizer {
   std::int64_t fallbacks_before_ = 0;  // the linearizer counts on over all solves
   double cost_ = 0.0, lambda_ = 0.0, nu_ = 2.0;
   double factored_lambda_ = 0.0;  // of the last factorization
+  bool begun_ = false;            // the dogleg of this linearization
   bool evaluated_ = false;        // whether the start has a cost
   bool stopped_ = false, suspicious_ = false;
   bool solved_ = false;  // the last linear system had a solution

@@ -12,14 +12,20 @@ NativeEngine::~NativeEngine() = default;
 Summary NativeEngine::solve(const SolveOptions& options) noexcept { return Minimizer(*this, options).run(); }
 
 double NativeEngine::cost() noexcept {
-  if (!sync(SolveOptions{})) return HUGE_VAL;
+  SolveOptions options;
+  options.linear_solver = structure_solver_;  // any will do
+  if (!sync(options)) return HUGE_VAL;
   point_.take(*graph_);
   linearizer_.evaluate(*graph_, structure_, point_, nullptr, active_, nullptr);
   return active_.total;
 }
 
 Result<void> NativeEngine::linearize(bool first_estimates) {
-  if (auto ok = sync(SolveOptions{}); !ok) return ok;
+  SolveOptions options;
+  options.linear_solver = structure_solver_ == LinearSolver::automatic && structure_.forms_reduced()
+                              ? LinearSolver::automatic  // as good, and nothing has to be made anew
+                              : LinearSolver::direct;
+  if (auto ok = sync(options); !ok) return ok;
   point_.take(*graph_);
   linearizer_.first_estimates = first_estimates;
   linearizer_.evaluate(*graph_, structure_, point_, nullptr, active_, nullptr);
@@ -39,15 +45,22 @@ void NativeEngine::drop_caches() {
 
 Result<void> NativeEngine::sync(const SolveOptions& options) {
   if (structure_version_ != graph_->structure_version() || structure_ordering_ != options.ordering ||
-      structure_.pool_count() != graph_->pools().size()) {
+      structure_solver_ != options.linear_solver || structure_.pool_count() != graph_->pools().size()) {
     FactorOptions factor;
+    factor.linear_solver = options.linear_solver;
     factor.ordering =
         options.ordering == OrderingMethod::given ? OrderingMethod::automatic : options.ordering;  // nobody gives one
     structure_version_ = ~std::uint64_t{0};  // half a structure is none
     if (auto ok = structure_.build(*graph_, factor); !ok) return ok;
-    schur_.prepare(structure_);
+    if (structure_.forms_reduced()) {
+      schur_.prepare(structure_);
+    } else {
+      conjugate_gradient_.prepare(structure_);
+      product_.prepare(structure_);
+    }
     structure_version_ = graph_->structure_version();
     structure_ordering_ = options.ordering;
+    structure_solver_ = options.linear_solver;
   }
   trial_.take(*graph_);  // what does not move stands in both points
   return {};

@@ -6,6 +6,8 @@
 #include "oriel/base/owned.h"
 #include "oriel/linear/landmark_schur.h"
 #include "oriel/linear/linearize.h"
+#include "oriel/linear/schur_conjugate_gradient.h"
+#include "oriel/solve/dogleg.h"
 #include "oriel/solve/engine.h"
 #include "oriel/solve/thread_pool.h"
 
@@ -76,13 +78,18 @@ class NativeEngine final : public Engine {
   LinearStructure structure_;
   std::uint64_t structure_version_ = ~std::uint64_t{0};
   OrderingMethod structure_ordering_ = OrderingMethod::automatic;
+  LinearSolver structure_solver_ = LinearSolver::automatic;
   Linearizer linearizer_;
   LinearSystem system_;
   LandmarkSchur schur_;
+  HessianProduct product_;
+  SchurConjugateGradient conjugate_gradient_;
+  Dogleg dogleg_;
   ActiveSet active_, trial_active_;
   Point point_, trial_;
   AlignedBuffer reduced_;  // S
   std::vector<double> damping_, rhs_, step_;
+  std::vector<double> scale_, step_product_, descent_product_;  // of a dogleg: D², H p, H q
   Solution solution_;
   Owned<ThreadPool> threads_;
 };

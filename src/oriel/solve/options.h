@@ -2,11 +2,12 @@
 #pragma once
 #include "oriel/base/function.h"
 #include "oriel/base/time.h"
+#include "oriel/linear/conjugate_gradient_options.h"
 #include "oriel/linear/ordering.h"
 
 namespace oriel {
 
-enum class Method { levenberg_marquardt, gauss_newton };
+enum class Method { levenberg_marquardt, gauss_newton, dogleg };
 
 // One line of the trace, and what a callback sees after each iteration.
 struct IterationReport {
@@ -15,6 +16,7 @@ struct IterationReport {
   double cost = 0.0;      // of the best values so far
   double gradient = 0.0;  // largest entry of the gradient
   double lambda = 0.0;    // damping
+  double radius = 0.0;    // of the trust region, where there is one
   bool accepted = true;
 };
 
@@ -30,6 +32,12 @@ struct SolveOptions {
   // Damping to begin with, relative to the diagonal of H. 0: 1e-4 where landmarks are eliminated (their depths are far
   // from linear), 1e-8 elsewhere (a pose graph from a fair start is best left to Gauss–Newton).
   double initial_lambda = 0.0;
+  // Of a dogleg's trust region to begin with, in units of √diag(H). 0: 1e4 where landmarks are eliminated, none
+  // elsewhere: the first Gauss–Newton step is tried as it is.
+  double initial_radius = 0.0;
+  // automatic: direct, but for bundle adjustments too large to factor; by sizes alone.
+  LinearSolver linear_solver = LinearSolver::automatic;
+  ConjugateGradientOptions conjugate_gradient = {};
   // Comes back at most one stage after it (linearize, eliminate, factor, solve, retract, evaluate) with the best values
   // so far; layout, ordering and the first cost are one stage, the start. 0: none.
   Duration deadline{0};

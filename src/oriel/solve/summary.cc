@@ -23,7 +23,9 @@ std::string Summary::reason_text() const {
     case Reason::step_tolerance:
       return inequality("max |step|", "<=", "step_tolerance");
     case Reason::no_descending_step:
-      return inequality("lambda", ">", "largest lambda") + ": no step lowers the cost";
+      return (method == Method::dogleg ? inequality("radius", "<", "least radius")
+                                       : inequality("lambda", ">", "largest lambda")) +
+             ": no step lowers the cost";
     case Reason::max_iterations:
       return inequality("iterations", ">=", "max_iterations");
     case Reason::deadline:

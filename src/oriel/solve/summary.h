@@ -19,7 +19,8 @@ enum class Reason {
   function_tolerance,   // cost decrease ≤ tolerance · cost
   gradient_tolerance,   // max |gradient| ≤ tolerance
   step_tolerance,       // max |step| ≤ tolerance
-  no_descending_step,   // λ > λ_max and no step lowers the cost: the fixed point of first estimates, or rounding
+  no_descending_step,   // λ > λ_max, or the trust region's radius < the least one, and no step lowers the cost: the
+                        // fixed point of first estimates, or rounding
   max_iterations,       // iterations = max_iterations
   deadline,             // seconds > deadline
   stopped_by_callback,  // callback() = false
@@ -68,9 +69,10 @@ struct [[nodiscard]] Summary {
   double factor_flops = 0.0, schur_flops = 0.0;
   std::int64_t kernel_fallbacks = 0;  // products without a fixed-size kernel
   const char* linear_solver = "";
+  std::int64_t linear_iterations = 0;  // of conjugate gradients
   StageTimes seconds;
   std::vector<IterationReport> trace;
-  // Neither is looked for once a deadline has passed.
+  // Neither is looked for once a deadline has passed, nor by conjugate gradients.
   std::vector<UndeterminedDirection> undetermined;  // confined to few variables: something is missing
   std::vector<UndeterminedDirection> gauge;         // common to many: where and how the whole is turned
 

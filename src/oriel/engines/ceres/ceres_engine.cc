@@ -24,6 +24,7 @@ class Reporter final : public ceres::IterationCallback {
                                  s.cost,
                                  s.gradient_max_norm,
                                  1.0 / s.trust_region_radius,
+                                 s.trust_region_radius,
                                  s.step_is_successful || s.iteration == 0};
     if (options_.trace) summary_.trace.push_back(report);
     last_ = s;
@@ -55,6 +56,10 @@ ceres::Solver::Options ceres_options(const SolveOptions& options, bool landmarks
   ceres::Solver::Options o;
   o.linear_solver_type = landmarks ? ceres::SPARSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
   o.initial_trust_region_radius = 1.0 / initial_lambda(options, landmarks);
+  if (options.method == Method::dogleg) {
+    o.trust_region_strategy_type = ceres::DOGLEG;
+    o.initial_trust_region_radius = options.initial_radius > 0.0 ? options.initial_radius : landmarks ? 1e4 : 1e16;
+  }
   o.max_trust_region_radius = 1e20;
   o.max_num_iterations = options.max_iterations;
   o.num_threads = options.threads;
