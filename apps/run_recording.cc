@@ -10,6 +10,7 @@
 #include <memory>
 
 #include "apps/command.h"
+#include "oriel/base/percentile.h"
 #include "oriel/evaluate/associate.h"
 #include "oriel/evaluate/ate.h"
 #include "oriel/io/journal.h"
@@ -42,13 +43,6 @@ std::vector<TumPose> tum_of(const Trajectory& trajectory) {
   std::vector<TumPose> out;
   for (const auto& [time, T] : trajectory.poses()) out.push_back({time, T.t, T.R.qx, T.R.qy, T.R.qz, T.R.qw});
   return out;
-}
-
-// Nearest rank.
-double percentile(const std::vector<double>& sorted, double share) {
-  if (sorted.empty()) return kNone;
-  const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(sorted.size())));
-  return sorted[std::clamp<std::size_t>(rank, 1, sorted.size()) - 1];
 }
 
 // Writes down what the window does.

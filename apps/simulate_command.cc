@@ -79,9 +79,9 @@ Result<void> simulate(const SimulateArguments& a) {
     return Error{ErrorCode::bad_input, "expected a world with IMU samples and frames: nothing was left to record"};
   if (auto ok = write_recording(folder, r); !ok) return ok;
   std::printf(
-      "%s: %zu frames in %.3f s, %zu observations of %zu landmarks, %zu cameras, %zu IMU samples, path %.2f m\n",
-      folder.c_str(), r.frames.size(), world->seconds(), r.observations.size(), world->landmarks().size(),
-      r.cameras.size(), r.imu.size(), path_length(r.groundtruth));
+      "%s: %zu frames in %.3f s, %zu observations of %lld landmarks, %zu cameras, %zu IMU samples, path %.2f m\n",
+      folder.c_str(), r.frames.size(), world->seconds(), r.observations.size(),
+      static_cast<long long>(world->landmarks()), r.cameras.size(), r.imu.size(), path_length(r.groundtruth));
   return {};
 }
 

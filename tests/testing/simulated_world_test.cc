@@ -197,7 +197,7 @@ TEST(SimulatedWorld, HasPixelsGnssOdometryAndRangesWhoseResidualsAtTheTruthAreTh
       ++features;
       if (!f.has_right) continue;
       ++stereo;
-      const Point3d point{world->landmarks()[static_cast<std::size_t>(f.track)]};
+      const Point3d point{*world->landmark(f.track)};
       ASSERT_TRUE((StereoPointReprojectiond{f.pixel0, f.pixel1}.evaluate(x.T_world_body, point, world->rig(), r4,
                                                                          nullptr, nullptr)));
       pixels.add(r4 / o.cameras.pixel_sigma);
@@ -206,6 +206,34 @@ TEST(SimulatedWorld, HasPixelsGnssOdometryAndRangesWhoseResidualsAtTheTruthAreTh
   for (const Chi& chi : {pixels, gnss, velocity, motion, range}) chi.expect_unit();
   EXPECT_EQ(features, 601 * 40);
   EXPECT_GT(stereo, features / 2);
+}
+
+TEST(SimulatedWorld, ForgetsWhatIsFarBehindAndMeasuresTheSame) {  // W15
+  SimulatedWorldOptions o = all_sensors(60.0), forgetful = o;
+  forgetful.memory_s = 5.0;
+  auto all = SimulatedWorld::make(o), some = SimulatedWorld::make(forgetful);
+  std::int64_t frames = 0;
+  for (SimulatedMeasurement a, b; all->next(a);) {
+    ASSERT_TRUE(some->next(b));
+    ASSERT_TRUE(same(a, b));
+    for (const double ago : {0.0, 4.9}) {
+      const Time time = a.time - Duration::from_seconds(ago);
+      if (a.sensor != Sensor::camera || time < o.start) continue;
+      ++frames;
+      ASSERT_EQ(all->truth(time).bias.gyro, some->truth(time).bias.gyro);
+      ASSERT_EQ(all->truth(time).bias.accel, some->truth(time).bias.accel);
+    }
+    for (const FeatureObservation& f : b.features) ASSERT_EQ(*all->landmark(f.track), *some->landmark(f.track));
+  }
+  EXPECT_GT(frames, 2000);
+  EXPECT_EQ(some->landmarks(), all->landmarks());
+  EXPECT_NE(all->landmark(0), nullptr);
+  EXPECT_EQ(some->landmark(0), nullptr);
+  EXPECT_EQ(some->landmark(some->landmarks()), nullptr);
+  // The oldest bias that it still knows is of 5 s ago, or of the block of 256 samples in which that lies.
+  const Time oldest = o.start + Duration::from_seconds(60.0 - 5.0 - 1.5);
+  EXPECT_EQ(some->truth(o.start).bias.gyro, some->truth(oldest).bias.gyro);
+  EXPECT_NE(some->truth(o.start).bias.gyro, some->truth(oldest + Duration::from_seconds(1.6)).bias.gyro);
 }
 
 TEST(SimulatedWorld, KeepsTracksOverSeveralFramesAndReplacesThoseItLoses) {

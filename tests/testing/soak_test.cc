@@ -1,6 +1,8 @@
 // The short form of `oriel soak`: every kind of fault once.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "oriel/testing/allocation_counter.h"
 #include "oriel/testing/soak.h"
 
@@ -24,6 +26,22 @@ TEST(Soak, EveryFaultIsSurvivedOrEndsInAResetThatSaysWhy) {  // W15, W17
   EXPECT_GE(report->count(SoakFault::Outcome::survived), 10);
   EXPECT_GT(report->refused_samples, 0);
   EXPECT_GE(report->tracking, report->updates * 9 / 10);
+  if (counts_allocations()) {  // a sanitizer keeps what is freed
+    EXPECT_LT(report->memory_growth_mb(), 1.0);
+  }
+}
+
+TEST(Soak, GrowthIsOfTheLastSliceSinceTheFirstHadItsMemory) {
+  SoakReport r;
+  for (const double mb : {30.0, 31.0, 29.5, 33.0}) {
+    SoakSlice s;
+    s.resident_mb = mb, s.p999_ms = mb / 10.0;
+    r.slices.push_back(s);
+  }
+  EXPECT_DOUBLE_EQ(r.memory_growth_mb(), 3.0);
+  EXPECT_DOUBLE_EQ(r.latency_growth(), 33.0 / 31.0);
+  r.slices.resize(2);
+  EXPECT_TRUE(std::isnan(r.memory_growth_mb()) && std::isnan(r.latency_growth()));
 }
 
 TEST(Soak, APlanHasEachFaultOnceInACycleAndNoneThatItCannotJudge) {

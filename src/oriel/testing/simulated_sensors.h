@@ -25,11 +25,12 @@ inline SeededRandom stream(std::uint64_t seed, Stream s, std::uint64_t k = 0) {
 }
 
 // The walk of the biases over the IMU's ticks: kept once in kBlock ticks, drawn again in between, so that the truth of
-// hours needs little memory.
+// hours needs little memory, and none where it may be forgotten.
 class BiasWalk {
  public:
   BiasWalk(const SimulatedImu& imu, std::uint64_t seed);
-  ImuBiasd at(std::int64_t tick);  // any tick ≥ 0
+  ImuBiasd at(std::int64_t tick);  // any tick ≥ 0; the oldest that is known where it has been forgotten
+  void forget_before(std::int64_t tick);
 
  private:
   static constexpr std::int64_t kBlock = 256;
@@ -38,7 +39,8 @@ class BiasWalk {
   ImuNoise noise_;
   double root_dt_;  // [√s]
   std::uint64_t seed_;
-  std::vector<ImuBiasd> starts_;  // of the blocks
+  std::int64_t first_block_ = 0;  // that is known
+  std::vector<ImuBiasd> starts_;  // of the blocks from there on
   // The tick that was asked for last, to go on from.
   std::int64_t tick_ = 0;
   ImuBiasd bias_;
@@ -52,7 +54,13 @@ class TrackSource {
 
   void observe(const Pose3d& T_world_body, std::vector<FeatureObservation>& out);
   void lose_all() { live_.clear(); }
-  const std::vector<Vec3d>& landmarks() const { return landmarks_; }
+  // Landmarks before the oldest that is still tracked.
+  void forget_lost();
+  std::int64_t landmarks() const { return first_landmark_ + static_cast<std::int64_t>(landmarks_.size()); }
+  const Vec3d* landmark(std::int64_t k) const {
+    const bool known = k >= first_landmark_ && k < landmarks();
+    return known ? &landmarks_[static_cast<std::size_t>(k - first_landmark_)] : nullptr;
+  }
 
  private:
   bool project(const Pose3d& T_world_body, int camera, const Vec3d& p_world, Vec2d& pixel) const;
@@ -61,8 +69,9 @@ class TrackSource {
   SimulatedCameras cameras_;
   StereoRigd rig_;
   SeededRandom tracks_, pixels_;
-  std::vector<std::int64_t> live_;
-  std::vector<Vec3d> landmarks_;
+  std::vector<std::int64_t> live_;  // rising
+  std::int64_t first_landmark_ = 0;
+  std::vector<Vec3d> landmarks_;  // from that one on
 };
 
 // What faults do to measurements of one sensor.

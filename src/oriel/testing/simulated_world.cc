@@ -44,6 +44,7 @@ Result<void> check_options(const SimulatedWorldOptions& o) {
         c.farthest_birth <= c.greatest_depth))
     return refuse("0 < least depth <= nearest <= farthest <= greatest depth of landmarks");
   if (!(o.seconds >= 0.0) || !std::isfinite(o.seconds)) return refuse("seconds of 0 or more");
+  if (!(o.memory_s > 0.0)) return refuse("a memory of more than 0 s");
   if (o.ranges.timing.rate_hz > 0.0 && o.ranges.beacons < 1) return refuse("a beacon or more to measure ranges to");
   for (const SimulatedFault& f : o.faults)
     if (!(f.share >= 0.0 && f.share <= 1.0 && f.range > 0.0)) return refuse("a fault's share from 0 to 1, range > 0");
@@ -109,9 +110,16 @@ struct SimulatedWorld::Parts {
     const double late = latencies[place(sensor)].uniform();
     m.arrival = m.time + timing.latency + Duration::from_seconds(late * timing.latency_spread.seconds());
     fill(m, tick, at.seconds());
+    if (sensor == SimulatedSensor::camera) forget(at.seconds() - options.memory_s);
     if (!faults[place(sensor)].apply(at.seconds(), tick_time(timing, 1), options, m)) return;
     pending.push_back(std::move(m));
     std::push_heap(pending.begin(), pending.end(), arrives_later);
+  }
+
+  void forget(double before) {
+    if (!(before > 0.0)) return;
+    tracks.forget_lost();
+    bias.forget_before(static_cast<std::int64_t>(before * options.imu.timing.rate_hz));
   }
 
   void fill(SimulatedMeasurement& m, std::int64_t tick, double t) {
@@ -219,7 +227,8 @@ const SimulatedWorldOptions& SimulatedWorld::options() const { return parts_->op
 double SimulatedWorld::seconds() const { return parts_->seconds; }
 const StereoRigd& SimulatedWorld::rig() const { return parts_->rig; }
 const std::vector<Vec3d>& SimulatedWorld::beacons() const { return parts_->beacons; }
-const std::vector<Vec3d>& SimulatedWorld::landmarks() const { return parts_->tracks.landmarks(); }
+std::int64_t SimulatedWorld::landmarks() const { return parts_->tracks.landmarks(); }
+const Vec3d* SimulatedWorld::landmark(std::int64_t track) const { return parts_->tracks.landmark(track); }
 
 SimulatedTruth SimulatedWorld::truth(Time time) const {
   const double t = std::clamp((time - parts_->options.start).seconds(), 0.0, parts_->seconds);

@@ -94,7 +94,10 @@ struct SimulatedWorldOptions {
   Time start{1'403'636'580'000'000'000};  // stamp of its beginning
   double seconds = 60.0;                  // at most; 0: to the end of the trajectory
   double spacing_s = 0.1;                 // of the spline's control poses
-  std::vector<Interval> rests;            // the body does not move
+  // How far back it knows the truth of biases [s]. Where that is finite it also forgets landmarks whose tracks are
+  // lost: a world of hours then needs no more memory as it goes on.
+  double memory_s = std::numeric_limits<double>::infinity();
+  std::vector<Interval> rests;  // the body does not move
   SimulatedImu imu;
   SimulatedCameras cameras;
   SimulatedGnss gnss;
@@ -146,10 +149,12 @@ class SimulatedWorld {
   double seconds() const;  // that it lasts
   Time end() const { return options().start + Duration::from_seconds(seconds()); }
   const StereoRigd& rig() const;
-  const std::vector<Vec3d>& beacons() const;    // [m]
-  const std::vector<Vec3d>& landmarks() const;  // of all tracks so far, in world [m]
+  const std::vector<Vec3d>& beacons() const;  // [m]
+  std::int64_t landmarks() const;             // of all tracks so far
+  // Of a track, in world [m]; null where it is forgotten, or never was. Until the next measurement.
+  const Vec3d* landmark(std::int64_t track) const;
   // At any time of the world (before and after it: at its ends). Biases between two IMU samples are those of the
-  // earlier.
+  // earlier; of times that are forgotten, the earliest that are not.
   SimulatedTruth truth(Time time) const;
 
  private:

@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <limits>
 
+#include "oriel/base/percentile.h"
+
 namespace oriel {
 namespace {
 
@@ -57,16 +59,11 @@ double resident_mb() {
   return static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) * 1e-6;
 }
 
-double percentile(const std::vector<double>& sorted, double share) {
-  if (sorted.empty()) return kNaN;
-  const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(sorted.size())));
-  return sorted[std::clamp<std::size_t>(rank, 1, sorted.size()) - 1];
-}
-
 SimulatedWorldOptions world_options(const SoakOptions& o, double seconds) {
   SimulatedWorldOptions w;
   w.seed = o.seed;
   w.seconds = seconds;
+  w.memory_s = 10.0;  // longer than anything is judged back
   w.cameras.timing.rate_hz = o.camera_rate_hz;
   w.cameras.tracks = o.tracks;
   w.cameras.stereo = o.stereo;
@@ -209,7 +206,7 @@ double SoakReport::latency_growth() const {
 }
 
 double SoakReport::memory_growth_mb() const {
-  return slices.size() < 3 ? kNaN : slices.back().resident_mb - slices[1].resident_mb;
+  return slices.size() < 3 ? kNaN : slices.back().resident_mb - slices.front().resident_mb;
 }
 
 Result<SoakReport> soak(const SoakOptions& options, const Function<void(const SoakReport&)>& progress) {

@@ -47,9 +47,9 @@ struct SoakReport {
   std::vector<std::pair<std::string, std::int64_t>> resets;  // by reason
 
   int count(SoakFault::Outcome outcome) const;
-  // Of the last slices against the first ones, the very first left out, in which memory is asked for.
-  double latency_growth() const;  // ratio of the p99.9
-  double memory_growth_mb() const;
+  // NaN where there are fewer than three slices.
+  double latency_growth() const;    // p99.9 of the last slice by that of the second: the first asks for memory
+  double memory_growth_mb() const;  // from the end of the first slice on
 };
 
 // The faults of a run of so many seconds: each kind once in a cycle of kSoakCycle.

@@ -85,8 +85,8 @@ class Rehearsal {
       Preintegrator motion(ImuBiasd{}, {1e-3, 1e-2, 1e-4, 1e-3});
       for (int i = 0; i < 20; ++i) motion.step(0.005, Vec3d::zero(), {{0.0, 0.0, 9.81}});
       const State& before = states_.back();
-      edit.add(ImuResiduald{motion.result().motion, kStandardGravity}, imu_noise(motion.result()), Huber(10.0),
-               before.pose, before.velocity, before.bias, s.pose, s.velocity, s.bias);
+      edit.add(ImuResiduald{motion.result().motion, kStandardGravity}, imu_noise(motion.result()),
+               InertialOptions{}.loss, before.pose, before.velocity, before.bias, s.pose, s.velocity, s.bias);
     }
     states_.push_back(s);
   }
@@ -106,7 +106,7 @@ class Rehearsal {
   void add_point_track(GraphEdit& edit, std::size_t anchor, std::size_t end, const Vec2d& bearing) {
     // Not quite where it is: from the minimum no step would be tried.
     const auto landmark = edit.add(Point3d{point(anchor, bearing) * 1.001});
-    const Loss loss = Cauchy(2.0);
+    const Loss loss = VisualOptions{}.loss;
     for (std::size_t k = anchor; k < end; ++k) {
       const Vec2d left = pixel(0, anchor, k, bearing), right = pixel(1, anchor, k, bearing);
       others_.push_back(edit.add(MonoPointReprojectiond{left}, Sigma(1.0), loss, states_[k].pose, landmark, rig_id_));
@@ -122,7 +122,7 @@ class Rehearsal {
     if (size_.landmarks == LandmarkModel::point) return add_point_track(edit, anchor, end, bearing);
     const auto landmark = edit.add(InverseDepthd{0.2});
     const IsotropicNoise noise = Sigma(1.0);
-    const Loss loss = Cauchy(2.0);
+    const Loss loss = VisualOptions{}.loss;
     const AnchorReprojectiond at_anchor{bearing, pixel(1, anchor, anchor, bearing)};
     if (scene_.stereo) others_.push_back(edit.add(at_anchor, noise, loss, landmark, rig_id_));
     for (std::size_t k = anchor + 1; k < end; ++k) {
@@ -143,10 +143,10 @@ class Rehearsal {
       const Sight& s = sights_[n];
       edit.remove(s.factor);
       if (size_.landmarks == LandmarkModel::point)
-        edit.add(MonoPointReprojectiond{pixel(0, s.anchor, s.state, s.bearing)}, Sigma(1.0), Cauchy(2.0),
+        edit.add(MonoPointReprojectiond{pixel(0, s.anchor, s.state, s.bearing)}, Sigma(1.0), VisualOptions{}.loss,
                  states_[s.state].pose, s.point, rig_id_);
       else if (s.state > 0)
-        edit.add(MonoReprojectiond{s.bearing, pixel(0, 0, s.state, s.bearing)}, Sigma(1.0), Cauchy(2.0),
+        edit.add(MonoReprojectiond{s.bearing, pixel(0, 0, s.state, s.bearing)}, Sigma(1.0), VisualOptions{}.loss,
                  states_[s.state - 1].pose, states_[s.state].pose, s.landmark, rig_id_);
     }
     return commit();
