@@ -6,29 +6,13 @@
 #include <utility>
 
 #include "oriel/io/problem_format.h"
-#include "oriel/io/text.h"
+#include "oriel/io/problem_text.h"
 
 namespace oriel::apps {
 namespace {
 
 double seconds_now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-Result<std::variant<PoseGraphFile, BalFile>> read_problem(const std::string& path) {
-  using File = std::variant<PoseGraphFile, BalFile>;
-  const Result<std::string> text = read_text_file(path);
-  if (!text) return text.error();
-  const Result<ProblemFormat> format = detect_format(*text, path);
-  if (!format) return format.error();
-  if (*format == ProblemFormat::bal) {
-    Result<BalFile> file = parse_bal(*text, path);
-    if (!file) return file.error();
-    return File(std::move(*file));
-  }
-  Result<PoseGraphFile> file = parse_g2o(*text, path);
-  if (!file) return file.error();
-  return File(std::move(*file));
 }
 
 template <class Ids>
@@ -59,9 +43,11 @@ std::ptrdiff_t place_of(const std::vector<Id>& ids, const VariableKey& key) {
 }
 
 template <class Ids>
-std::string pose_name(const Ids& ids, const BatchProblem& problem, const VariableKey& key) {
-  const std::ptrdiff_t place = place_of(ids.poses, key);
-  return place < 0 ? "" : "pose " + std::to_string(std::get<PoseGraphFile>(problem.file).ids[place]);
+std::string pose_graph_name(const Ids& ids, const BatchProblem& problem, const VariableKey& key) {
+  const auto& file = std::get<PoseGraphFile>(problem.file);
+  const std::ptrdiff_t pose = place_of(ids.poses, key), landmark = place_of(ids.landmarks, key);
+  if (landmark >= 0) return "landmark " + std::to_string(file.landmark_ids[landmark]);
+  return pose < 0 ? "" : "pose " + std::to_string(file.ids[pose]);
 }
 
 // As the file calls it, else as the graph does.
@@ -72,9 +58,9 @@ std::string name_of(const BatchProblem& problem, const VariableKey& key) {
     if (camera >= 0) name = "camera " + std::to_string(camera);
     if (point >= 0) name = "point " + std::to_string(point);
   } else if (const auto* planar = std::get_if<PoseGraph2>(&problem.ids)) {
-    name = pose_name(*planar, problem, key);
+    name = pose_graph_name(*planar, problem, key);
   } else {
-    name = pose_name(std::get<PoseGraph3>(problem.ids), problem, key);
+    name = pose_graph_name(std::get<PoseGraph3>(problem.ids), problem, key);
   }
   return name.empty() ? problem.graph->describe(key) : name;
 }
@@ -101,14 +87,38 @@ std::size_t BatchProblem::poses() const {
 
 std::size_t BatchProblem::landmarks() const {
   const auto* bal = std::get_if<BalFile>(&file);
-  return bal != nullptr ? bal->points.size() : 0;
+  return bal != nullptr ? bal->points.size() : std::get<PoseGraphFile>(file).landmark_ids.size();
+}
+
+const char* BatchProblem::format() const {
+  const auto* poses_and_edges = std::get_if<PoseGraphFile>(&file);
+  if (poses_and_edges == nullptr) return "bal";
+  const PoseGraphSpelling spelling = poses_and_edges->spelling;
+  return spelling == PoseGraphSpelling::g2o ? "g2o" : spelling == PoseGraphSpelling::toro ? "toro" : "isam";
+}
+
+Result<ProblemFile> read_problem(const std::string& path, const PoseGraphReading& reading) {
+  const Result<ProblemText> text = read_problem_text(path);
+  if (!text) return text.error();
+  const Result<ProblemFormat> format = detect_format(text->view(), path);
+  if (!format) return format.error();
+  if (*format == ProblemFormat::bal) {
+    Result<BalFile> file = parse_bal(text->view(), path);
+    if (!file) return file.error();
+    return ProblemFile(std::move(*file));
+  }
+  Result<PoseGraphFile> file = parse_g2o(text->view(), path, reading);
+  if (file) return ProblemFile(std::move(*file));
+  Error error = file.error();
+  if (error.code == ErrorCode::indefinite) error.message += " (--information project repairs it)";
+  return error;
 }
 
 Result<BatchProblem> load_problem(const std::string& path, const ProblemOptions& options) {
   BatchProblem problem;
   problem.path = path;
   const double began = seconds_now();
-  auto file = read_problem(path);
+  auto file = read_problem(path, options.reading);
   if (!file) return file.error();
   problem.file = std::move(*file);
   const double read = seconds_now();
@@ -138,6 +148,9 @@ std::string gauge_text(const BatchProblem& problem, const Summary& summary) {
   std::string text = "first pose held (id " + std::to_string(file.ids.front()) + ")";
   if (file.fixed.size() == 1) text = "held by FIX (id " + std::to_string(file.ids[file.fixed[0]]) + ")";
   if (file.fixed.size() > 1) text = "held by FIX (" + std::to_string(file.fixed.size()) + " poses)";
+  if (!file.fixed_landmarks.empty())
+    text = (file.fixed.empty() ? "held by FIX (" : text + ", (") + std::to_string(file.fixed_landmarks.size()) +
+           " landmarks)";
   for (const UndeterminedDirection& d : summary.gauge) text += "; free in common: " + direction_text(problem, d);
   return text;
 }

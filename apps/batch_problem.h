@@ -11,15 +11,18 @@
 
 namespace oriel::apps {
 
+using ProblemFile = std::variant<PoseGraphFile, BalFile>;
+
 struct ProblemOptions {
   RotationError rotation_error = RotationError::quaternion;
   Loss loss;
   StartChoice start = StartChoice::automatic;
+  PoseGraphReading reading;
 };
 
 struct BatchProblem {
   std::string path;
-  std::variant<PoseGraphFile, BalFile> file;
+  ProblemFile file;
   std::variant<PoseGraph2, PoseGraph3, BundleAdjustment> ids;
   std::unique_ptr<Graph> graph;  // engines point to it, so that it must not move
   PoseStart start = PoseStart::file;
@@ -29,8 +32,11 @@ struct BatchProblem {
   std::size_t poses() const;      // or cameras
   std::size_t landmarks() const;  // points
   std::size_t factors() const { return graph->factor_count(); }
-  const char* format() const { return std::holds_alternative<BalFile>(file) ? "bal" : "g2o"; }
+  const char* format() const;  // bal, g2o, toro or isam
 };
+
+// Format by content. Errors name the file, and the line where there is one.
+Result<ProblemFile> read_problem(const std::string& path, const PoseGraphReading& reading);
 
 // Format by content. Errors name the file, and the line where there is one.
 Result<BatchProblem> load_problem(const std::string& path, const ProblemOptions& options);

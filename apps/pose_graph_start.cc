@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "oriel/io/chain_odometry.h"
+#include "oriel/io/landmarks.h"
 #include "oriel/residual/loss.h"
 #include "oriel/residual/pose_graph.h"
 
@@ -47,12 +48,14 @@ double start_cost(const PoseGraphFile& file, const PoseGraphOptions& options, Po
   const bool chained = start == PoseStart::odometry || !file.has_vertices;
   if (!file.is_3d) {
     const auto poses = chained ? chain_odometry2(file) : poses_of<Pose2d>(file.planar_poses);
-    return cost_of<PoseGraphEdge2d>(file.planar_edges, poses, options.loss);
+    return cost_of<PoseGraphEdge2d>(file.planar_edges, poses, options.loss) +
+           landmark_cost2(file, poses, start_landmarks2(file, !chained, poses), options.loss);
   }
   const auto poses = chained ? chain_odometry3(file) : poses_of<Pose3d>(file.spatial_poses);
-  return options.rotation_error == RotationError::quaternion
-             ? cost_of<PoseGraphEdge3d>(file.spatial_edges, poses, options.loss)
-             : cost_of<PoseGraphEdgeLog3d>(file.spatial_edges, poses, options.loss);
+  return landmark_cost3(file, poses, start_landmarks3(file, !chained, poses), options.loss) +
+         (options.rotation_error == RotationError::quaternion
+              ? cost_of<PoseGraphEdge3d>(file.spatial_edges, poses, options.loss)
+              : cost_of<PoseGraphEdgeLog3d>(file.spatial_edges, poses, options.loss));
 }
 
 PoseStart choose_start(const PoseGraphFile& file, const PoseGraphOptions& options, StartChoice choice) {

@@ -16,8 +16,8 @@ namespace {
 // As they stand on the command line.
 struct SolveArguments {
   std::vector<std::string> files;
-  std::string method = "lm", linear_solver = "auto", loss = "none", init = "auto", rotation_error = "quaternion", out,
-              json;
+  std::string method = "lm", linear_solver = "auto", loss = "none", init = "auto", rotation_error = "quaternion",
+              information = "refuse", isam_noise = "information", out, json;
   int iterations = 100, threads = 1;
   double deadline_ms = 0;
 };
@@ -40,6 +40,9 @@ ProblemOptions problem_options(const SolveArguments& a) {
   if (a.rotation_error == "log") options.rotation_error = RotationError::log;
   if (a.init == "file") options.start = StartChoice::file;
   if (a.init == "odometry") options.start = StartChoice::odometry;
+  options.reading.project_information = a.information == "project";
+  if (a.isam_noise == "root") options.reading.isam_noise = IsamNoise::root;
+  if (a.isam_noise == "covariance") options.reading.isam_noise = IsamNoise::covariance;
   options.loss = *parse_loss(a.loss);  // checked with the other arguments
   return options;
 }
@@ -132,6 +135,12 @@ void add_solve_command(CLI::App& app, int& exit_code) {
       ->check(number(1e-3, 1e9));
   command->add_option("--rotation-error", a->rotation_error, "Of 3D edges: g2o's own, or the rotation vector")
       ->check(one_of({"quaternion", "log"}))
+      ->capture_default_str();
+  command->add_option("--information", a->information, "Of edges where it is indefinite: refuse, or project and count")
+      ->check(one_of({"refuse", "project"}))
+      ->capture_default_str();
+  command->add_option("--isam-noise", a->isam_noise, "What the last numbers of iSAM's lines are")
+      ->check(one_of({"information", "root", "covariance"}))
       ->capture_default_str();
   command->add_option("--out", a->out, "The problem with the values found, in its own format");
   command->add_option("--json", a->json, "Report, an array with one object a file; - is standard output");

@@ -18,7 +18,8 @@ Result<SolvedFile> solve_problem(BatchProblem& problem, const SolveOptions& opti
   f.path = problem.path;
   f.format = problem.format();
   f.poses = problem.poses(), f.landmarks = problem.landmarks(), f.factors = problem.factors();
-  if (const auto* file = std::get_if<PoseGraphFile>(&problem.file)) f.self_edges_left_out = file->self_edges_left_out;
+  if (const auto* file = std::get_if<PoseGraphFile>(&problem.file))
+    f.self_edges_left_out = file->self_edges_left_out, f.information_repaired = file->information_repaired;
   f.start = problem.start;
   f.threads = options.threads;
   f.gauge = gauge_text(problem, f.summary);

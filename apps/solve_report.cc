@@ -30,6 +30,7 @@ Json object_of(const SolvedFile& f) {
   o["factors"] = f.factors;
   o["invalid_factors"] = s.invalid_factors;
   o["self_edges_left_out"] = f.self_edges_left_out;
+  o["information_repaired"] = f.information_repaired;
   o["start"] = name_of(f.start);
   o["initial_cost"] = s.initial_cost;
   o["final_cost"] = s.final_cost;
@@ -71,6 +72,8 @@ std::string solve_text(const SolvedFile& f) {
   out += fmt::format("{} factors, start from {}\n", f.factors, name_of(f.start));
   if (f.self_edges_left_out > 0)
     out += fmt::format("  edges from a pose to itself, left out: {}\n", f.self_edges_left_out);
+  if (f.information_repaired > 0)
+    out += fmt::format("  edges whose information was indefinite, repaired: {}\n", f.information_repaired);
   if (s.invalid_factors > 0) out += fmt::format("  factors that are not valid at the end: {}\n", s.invalid_factors);
   out += fmt::format("  cost {:.9g} -> {:.9g} in {} iterations ({}, {}, threads {})\n", s.initial_cost, s.final_cost,
                      s.iterations, name_of(s.method), s.linear_solver, f.threads);

@@ -10,7 +10,7 @@ namespace oriel::apps {
 struct SolvedFile {
   std::string path, format, gauge;
   std::size_t poses = 0, landmarks = 0, factors = 0;
-  std::int64_t self_edges_left_out = 0;
+  std::int64_t self_edges_left_out = 0, information_repaired = 0;
   PoseStart start = PoseStart::file;
   int threads = 1;
   double read_seconds = 0.0, setup_seconds = 0.0, total_seconds = 0.0;  // total: writing the result included

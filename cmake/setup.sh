@@ -16,6 +16,8 @@ packages_run=(
   libfmt-dev          # the command's tables
   libyaml-cpp-dev     # sensor calibrations, configuration
   nlohmann-json3-dev  # --json
+  zlib1g-dev          # problem files that are gzip
+  libbz2-dev          # problem files that are bzip2, as BAL's are published
 )
 packages_test=(
   libgtest-dev         # tests

@@ -3,6 +3,7 @@
 #include <limits>
 #include <utility>
 
+#include "oriel/io/problem_text.h"
 #include "oriel/io/text.h"
 
 namespace oriel {
@@ -136,9 +137,9 @@ Result<BalFile> parse_bal(std::string_view text, std::string file_name) {
 }
 
 Result<BalFile> read_bal(const std::string& path) {
-  const Result<std::string> text = read_text_file(path);
+  const Result<ProblemText> text = read_problem_text(path);
   if (!text) return text.error();
-  return parse_bal(*text, path);
+  return parse_bal(text->view(), path);
 }
 
 std::string format_bal(const BalFile& problem) {

@@ -1,6 +1,7 @@
 #include "oriel/io/problem.h"
 
 #include "oriel/io/chain_odometry.h"
+#include "oriel/io/landmarks.h"
 #include "oriel/residual/bal.h"
 #include "oriel/residual/pose_graph.h"
 
@@ -22,7 +23,15 @@ Result<void> apply(Graph& graph, GraphEdit& edit, const std::string& file) {
 template <class Ids>
 void hold(GraphEdit& edit, const PoseGraphFile& file, const Ids& ids) {
   for (const std::int32_t i : file.fixed) edit.fix(ids[i]);
-  if (file.fixed.empty() && !ids.empty()) edit.fix(ids[0]);
+  if (file.fixed.empty() && file.fixed_landmarks.empty() && !ids.empty()) edit.fix(ids[0]);
+}
+
+template <class Out, class In>
+std::vector<Out> poses_of(const std::vector<In>& file_poses) {
+  std::vector<Out> poses;
+  poses.reserve(file_poses.size());
+  for (const In& p : file_poses) poses.push_back(pose_of(p));
+  return poses;
 }
 
 }  // namespace
@@ -31,15 +40,14 @@ Result<PoseGraph2> add_pose_graph2(Graph& graph, const PoseGraphFile& file, cons
   GraphEdit edit = graph.edit();
   PoseGraph2 ids;
   const bool from_file = file.has_vertices && options.start == PoseStart::file;
-  std::vector<Pose2d> start;
-  if (!from_file) start = chain_odometry2(file);
+  const std::vector<Pose2d> start = from_file ? poses_of<Pose2d>(file.planar_poses) : chain_odometry2(file);
   ids.poses.reserve(file.ids.size());
-  for (std::size_t i = 0; i < file.ids.size(); ++i)
-    ids.poses.push_back(edit.add(from_file ? pose_of(file.planar_poses[i]) : start[i]));
+  for (const Pose2d& pose : start) ids.poses.push_back(edit.add(pose));
   for (const auto& e : file.planar_edges)
     edit.add(PoseGraphEdge2d{pose_of(e.measurement)}, Information(information_matrix(e)), options.loss,
              ids.poses[e.from], ids.poses[e.to]);
   hold(edit, file, ids.poses);
+  ids.landmarks = add_landmarks2(edit, file, ids.poses, start_landmarks2(file, from_file, start), options.loss);
   if (auto ok = apply(graph, edit, file.file_name); !ok) return ok.error();
   return ids;
 }
@@ -48,11 +56,9 @@ Result<PoseGraph3> add_pose_graph3(Graph& graph, const PoseGraphFile& file, cons
   GraphEdit edit = graph.edit();
   PoseGraph3 ids;
   const bool from_file = file.has_vertices && options.start == PoseStart::file;
-  std::vector<Pose3d> start;
-  if (!from_file) start = chain_odometry3(file);
+  const std::vector<Pose3d> start = from_file ? poses_of<Pose3d>(file.spatial_poses) : chain_odometry3(file);
   ids.poses.reserve(file.ids.size());
-  for (std::size_t i = 0; i < file.ids.size(); ++i)
-    ids.poses.push_back(edit.add(from_file ? pose_of(file.spatial_poses[i]) : start[i]));
+  for (const Pose3d& pose : start) ids.poses.push_back(edit.add(pose));
   for (const auto& e : file.spatial_edges) {
     const auto noise = Information(information_matrix(e));
     const Pose3d measured = pose_of(e.measurement);
@@ -62,6 +68,7 @@ Result<PoseGraph3> add_pose_graph3(Graph& graph, const PoseGraphFile& file, cons
       edit.add(PoseGraphEdgeLog3d{measured}, noise, options.loss, ids.poses[e.from], ids.poses[e.to]);
   }
   hold(edit, file, ids.poses);
+  ids.landmarks = add_landmarks3(edit, file, ids.poses, start_landmarks3(file, from_file, start), options.loss);
   if (auto ok = apply(graph, edit, file.file_name); !ok) return ok.error();
   return ids;
 }
@@ -87,6 +94,8 @@ void copy_values(const Graph& graph, const PoseGraph2& ids, PoseGraphFile& file)
     const Pose2d& p = graph.value(ids.poses[i]);
     file.planar_poses[i] = {{p.t[0], p.t[1], p.R.log()}};
   }
+  file.planar_landmarks.resize(ids.landmarks.size());
+  for (std::size_t l = 0; l < ids.landmarks.size(); ++l) file.planar_landmarks[l] = graph.value(ids.landmarks[l]).p;
   file.has_vertices = true;
 }
 
@@ -96,6 +105,8 @@ void copy_values(const Graph& graph, const PoseGraph3& ids, PoseGraphFile& file)
     const Pose3d& p = graph.value(ids.poses[i]);
     file.spatial_poses[i] = {p.t, p.R.qx, p.R.qy, p.R.qz, p.R.qw};
   }
+  file.spatial_landmarks.resize(ids.landmarks.size());
+  for (std::size_t l = 0; l < ids.landmarks.size(); ++l) file.spatial_landmarks[l] = graph.value(ids.landmarks[l]).p;
   file.has_vertices = true;
 }
 

@@ -25,16 +25,19 @@ struct PoseGraphOptions {
 // Ids by the file's own order, so that values find their way back.
 struct PoseGraph2 {
   std::vector<VariableId<Pose2d>> poses;
+  std::vector<VariableId<Point2d>> landmarks;
 };
 struct PoseGraph3 {
   std::vector<VariableId<Pose3d>> poses;
+  std::vector<VariableId<Point3d>> landmarks;
 };
 struct BundleAdjustment {
   std::vector<VariableId<BalCamerad>> cameras;
   std::vector<VariableId<Point3d>> points;
 };
 
-// Adds a file's poses and edges to the graph, in one edit. No FIX: the first pose is held (that is the gauge).
+// Adds a file's poses, landmarks and edges to the graph, in one edit. No FIX: the first pose is held (that is the
+// gauge).
 // An error names file and line of the item that the graph refused.
 Result<PoseGraph2> add_pose_graph2(Graph& graph, const PoseGraphFile& file, const PoseGraphOptions& options);
 Result<PoseGraph3> add_pose_graph3(Graph& graph, const PoseGraphFile& file, const PoseGraphOptions& options);

@@ -1,5 +1,6 @@
 #include "oriel/io/problem_format.h"
 
+#include "oriel/io/problem_text.h"
 #include "oriel/io/text.h"
 
 namespace oriel {
@@ -17,9 +18,9 @@ Result<ProblemFormat> detect_format(std::string_view text, const std::string& fi
 }
 
 Result<ProblemFormat> detect_format(const std::string& path) {
-  const Result<std::string> text = read_text_file(path);
+  const Result<ProblemText> text = read_problem_text(path);
   if (!text) return text.error();
-  return detect_format(*text, path);
+  return detect_format(text->view(), path);
 }
 
 }  // namespace oriel

@@ -185,9 +185,35 @@ std::string_view TextScanner::token() {
   return {first, static_cast<std::size_t>(p_ - first)};
 }
 
+// Up to 15 digits and a power of ten up to 22 are exact doubles, so that one division or product of them is the nearest
+// double (Clinger, How to read floating point numbers accurately, PLDI 1990). Anything else is left to from_chars.
+bool TextScanner::scan_short(double& out) {
+  static constexpr double kPower[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
+                                      1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+  const char* p = p_;
+  const bool negative = p != line_end_ && *p == '-';
+  p += negative;
+  std::uint64_t digits = 0;
+  const auto take = [&] {
+    const char* first = p;
+    for (; p != line_end_ && *p >= '0' && *p <= '9'; ++p) digits = 10 * digits + static_cast<std::uint64_t>(*p - '0');
+    return static_cast<int>(p - first < 100 ? p - first : 100);
+  };
+  const int whole = take();
+  int decimals = 0;
+  if (p != line_end_ && *p == '.') ++p, decimals = take();
+  if (whole + decimals == 0 || whole + decimals > 15 || !ends_token(p)) return false;
+  const double value = static_cast<double>(digits) / kPower[decimals];
+  out = negative ? -value : value;
+  p_ = p;
+  return true;
+}
+
 template <class T>
 NumberFault TextScanner::scan(T& out) {
   skip_blanks();
+  if constexpr (std::is_floating_point_v<T>)
+    if (scan_short(out)) return NumberFault::none;
   const auto [end, code] = std::from_chars(p_, line_end_, out);
   if (code == std::errc() && ends_token(end)) [[likely]] {
     if constexpr (std::is_floating_point_v<T>)
@@ -204,6 +230,13 @@ NumberFault TextScanner::scan(T& out) {
 
 NumberFault TextScanner::number(double& out) { return scan(out); }
 NumberFault TextScanner::integer(std::int64_t& out) { return scan(out); }
+
+int TextScanner::numbers(double* out, int count, NumberFault& fault) {
+  fault = NumberFault::none;
+  for (int i = 0; i < count; ++i)
+    if (fault = scan(out[i]); fault != NumberFault::none) return i;
+  return count;
+}
 
 int split_fields(std::string_view line, std::string_view* fields, int capacity) {
   int count = 0;

@@ -45,12 +45,17 @@ class TextScanner {
   std::string_view token();                    // the next one, empty where none is left
   NumberFault number(double& out);             // on a fault the token is not consumed
   NumberFault integer(std::int64_t& out);
+  // As many numbers one after the other: most of a large file goes through here. Returns how many there were; on a
+  // fault it is that of out[returned].
+  int numbers(double* out, int count, NumberFault& fault);
+  std::size_t bytes_left() const { return static_cast<std::size_t>(end_ - p_); }  // so that lists can be sized
 
  private:
   void skip_blanks() {
     while (p_ < line_end_ && (*p_ == ' ' || *p_ == '\t' || *p_ == '\r')) ++p_;
   }
   bool ends_token(const char* p) const { return p == line_end_ || *p == ' ' || *p == '\t' || *p == '\r'; }
+  bool scan_short(double& out);
   template <class T>
   NumberFault scan(T& out);
 
