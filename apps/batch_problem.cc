@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <chrono>
+#include <filesystem>
 #include <span>
 #include <utility>
 
 #include "oriel/io/problem_format.h"
 #include "oriel/io/problem_text.h"
+#include "oriel/io/text.h"
 
 namespace oriel::apps {
 namespace {
@@ -78,6 +80,19 @@ std::string direction_text(const BatchProblem& problem, const UndeterminedDirect
   return text;
 }
 
+// The graph's values into the file's structure.
+void take_values(BatchProblem& problem) {
+  if (auto* bal = std::get_if<BalFile>(&problem.file)) {
+    copy_values(*problem.graph, std::get<BundleAdjustment>(problem.ids), *bal);
+    return;
+  }
+  auto& file = std::get<PoseGraphFile>(problem.file);
+  if (file.is_3d)
+    copy_values(*problem.graph, std::get<PoseGraph3>(problem.ids), file);
+  else
+    copy_values(*problem.graph, std::get<PoseGraph2>(problem.ids), file);
+}
+
 }  // namespace
 
 std::size_t BatchProblem::poses() const {
@@ -128,17 +143,28 @@ Result<BatchProblem> load_problem(const std::string& path, const ProblemOptions&
   return problem;
 }
 
+Result<void> check_form(const BatchProblem& problem, const std::string& path) {
+  const bool is_bal = std::holds_alternative<BalFile>(problem.file);
+  const std::string extension = std::filesystem::path(path).extension();
+  if (extension == (is_bal ? ".g2o" : ".bal"))
+    return Error{ErrorCode::bad_input,
+                 is_bal ? "expected a file for a bundle adjustment (BAL or .ply), found g2o's extension"
+                        : "expected a file for a pose graph (.g2o or .ply), found BAL's extension",
+                 path};
+  return {};
+}
+
 Result<void> write_problem(BatchProblem& problem, const std::string& path) {
-  if (auto* bal = std::get_if<BalFile>(&problem.file)) {
-    copy_values(*problem.graph, std::get<BundleAdjustment>(problem.ids), *bal);
-    return write_bal(path, *bal);
-  }
-  auto& file = std::get<PoseGraphFile>(problem.file);
-  if (file.is_3d)
-    copy_values(*problem.graph, std::get<PoseGraph3>(problem.ids), file);
-  else
-    copy_values(*problem.graph, std::get<PoseGraph2>(problem.ids), file);
-  return write_g2o(path, file);
+  if (auto ok = check_form(problem, path); !ok) return ok;
+  take_values(problem);
+  if (std::filesystem::path(path).extension() == ".ply") return write_text_file(path, format_ply(draw(problem)));
+  if (const auto* bal = std::get_if<BalFile>(&problem.file)) return write_bal(path, *bal);
+  return write_g2o(path, std::get<PoseGraphFile>(problem.file));
+}
+
+Drawing draw(BatchProblem& problem) {
+  take_values(problem);
+  return std::visit([](const auto& file) { return drawing_of(file); }, problem.file);
 }
 
 std::string gauge_text(const BatchProblem& problem, const Summary& summary) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "apps/pose_graph_start.h"
+#include "oriel/io/drawing.h"
 #include "oriel/io/problem.h"
 #include "oriel/solve/summary.h"
 
@@ -41,8 +42,13 @@ Result<ProblemFile> read_problem(const std::string& path, const PoseGraphReading
 // Format by content. Errors name the file, and the line where there is one.
 Result<BatchProblem> load_problem(const std::string& path, const ProblemOptions& options);
 
-// The graph's values, in the file's own format.
+// The graph's values, in the form that the extension of the path names: .ply, or else the problem's own, g2o or BAL. A
+// form that cannot hold the problem (.g2o for a bundle adjustment, .bal for a pose graph) is refused by both.
+Result<void> check_form(const BatchProblem& problem, const std::string& path);
 Result<void> write_problem(BatchProblem& problem, const std::string& path);
+
+// The graph's values, to be drawn.
+Drawing draw(BatchProblem& problem);
 
 // What fixes the whole in space, e.g. "first pose held (id 0)".
 std::string gauge_text(const BatchProblem& problem, const Summary& summary);

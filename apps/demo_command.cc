@@ -70,7 +70,8 @@ Result<RunReport> replay(const std::filesystem::path& data, const std::filesyste
 Result<SolvedFile> solve_one(const std::filesystem::path& data, const std::filesystem::path& out, const char* name) {
   Result<BatchProblem> problem = load_problem(data / name, {});
   if (!problem) return problem.error();
-  return solve_problem(*problem, {}, out / name);
+  const std::filesystem::path picture = std::filesystem::path(name).stem() += ".svg";
+  return solve_problem(*problem, {}, {out / name, out / picture});
 }
 
 Result<int> demo(const DemoArguments& a) {

@@ -17,7 +17,7 @@ namespace {
 struct SolveArguments {
   std::vector<std::string> files;
   std::string method = "lm", linear_solver = "auto", loss = "none", init = "auto", rotation_error = "quaternion",
-              information = "refuse", isam_noise = "information", out, json;
+              information = "refuse", isam_noise = "information", out, svg, json;
   int iterations = 100, threads = 1;
   double deadline_ms = 0;
 };
@@ -63,7 +63,10 @@ Result<void> check_targets(const SolveArguments& a) {
   if (!a.out.empty() && a.files.size() > 1)
     return Error{ErrorCode::bad_input, "--out: expected one FILE, found " + std::to_string(a.files.size())};
   if (a.out == "-") return Error{ErrorCode::bad_input, "--out: expected a file, found '-'"};
+  if (!a.svg.empty() && a.files.size() > 1)
+    return Error{ErrorCode::bad_input, "--svg: expected one FILE, found " + std::to_string(a.files.size())};
   if (auto ok = check_target(a.out); !ok) return ok;
+  if (auto ok = check_target(a.svg); !ok) return ok;
   return check_target(a.json);
 }
 
@@ -85,7 +88,7 @@ Result<int> solve_all(const SolveArguments& a) {
   std::vector<SolvedFile> solved;
   int exit_code = kSolved;
   for (BatchProblem& problem : *problems) {
-    Result<SolvedFile> file = solve_problem(problem, solve_options(a), a.out);
+    Result<SolvedFile> file = solve_problem(problem, solve_options(a), {a.out, a.svg});
     if (!file) return file.error();
     if (!file->converged()) exit_code = kNotConverged;
     if (a.json != "-") std::fputs(solve_text(*file).c_str(), stdout);
@@ -142,7 +145,8 @@ void add_solve_command(CLI::App& app, int& exit_code) {
   command->add_option("--isam-noise", a->isam_noise, "What the last numbers of iSAM's lines are")
       ->check(one_of({"information", "root", "covariance"}))
       ->capture_default_str();
-  command->add_option("--out", a->out, "The problem with the values found, in its own format");
+  command->add_option("--out", a->out, "The problem with the values found, in its own format, or as a cloud: FILE.ply");
+  command->add_option("--svg", a->svg, "A picture of path, landmarks and loop edges before and after");
   command->add_option("--json", a->json, "Report, an array with one object a file; - is standard output");
   command->callback([a, &exit_code] { exit_code = run(*a); });
 }

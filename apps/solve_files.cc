@@ -4,17 +4,30 @@
 #include <utility>
 
 #include "apps/command.h"
+#include "oriel/io/text.h"
 #include "oriel/solve/native_engine.h"
 
 namespace oriel::apps {
+namespace {
 
-Result<SolvedFile> solve_problem(BatchProblem& problem, const SolveOptions& options, const std::string& target) {
+Result<void> write_targets(BatchProblem& problem, const SolveTargets& targets, const Drawing& before) {
+  if (!targets.out.empty())
+    if (auto ok = write_problem(problem, targets.out); !ok) return ok;
+  if (targets.svg.empty()) return {};
+  return write_text_file(targets.svg, format_svg(problem.path, before, draw(problem)));
+}
+
+}  // namespace
+
+Result<SolvedFile> solve_problem(BatchProblem& problem, const SolveOptions& options, const SolveTargets& targets) {
+  if (auto ok = check_form(problem, targets.out); !ok) return ok.error();
+  const Drawing before = targets.svg.empty() ? Drawing() : draw(problem);
   const auto began = std::chrono::steady_clock::now();
   NativeEngine engine(*problem.graph);
   SolvedFile f;
   f.summary = engine.solve(options);
-  if (!target.empty() && !f.summary.failed())
-    if (auto ok = write_problem(problem, target); !ok) return ok.error();
+  if (!f.summary.failed())
+    if (auto ok = write_targets(problem, targets, before); !ok) return ok.error();
   f.path = problem.path;
   f.format = problem.format();
   f.poses = problem.poses(), f.landmarks = problem.landmarks(), f.factors = problem.factors();

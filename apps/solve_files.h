@@ -8,7 +8,13 @@
 
 namespace oriel::apps {
 
-// Solves with the engine of this library. A target that is not empty gets the new values, unless the solve failed.
-Result<SolvedFile> solve_problem(BatchProblem& problem, const SolveOptions& options, const std::string& target);
+// Where results go; empty: nowhere.
+struct SolveTargets {
+  std::string out;  // the problem with the values found
+  std::string svg;  // a picture of the values before and after
+};
+
+// Solves with the engine of this library. Targets are written unless the solve failed.
+Result<SolvedFile> solve_problem(BatchProblem& problem, const SolveOptions& options, const SolveTargets& targets);
 
 }  // namespace oriel::apps
