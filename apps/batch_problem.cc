@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <span>
 #include <utility>
@@ -24,18 +25,28 @@ Result<void> take(Result<Ids> added, BatchProblem& problem) {
   return {};
 }
 
-Result<void> build(BatchProblem& problem, const ProblemOptions& options) {
+// Of the size that the residual of a right measurement of so many numbers is expected to have: E[s] = dim.
+Loss likely_loss(int dim) { return GemanMcClure(std::sqrt(static_cast<double>(dim))); }
+
+Result<void> build(BatchProblem& problem, ProblemOptions options) {
+  const auto* poses_and_edges = std::get_if<PoseGraphFile>(&problem.file);
+  if (options.graduated && options.loss.kind == LossKind::none)
+    options.loss = likely_loss(poses_and_edges == nullptr ? 2 : poses_and_edges->is_3d ? 6 : 3);
   problem.graph = std::make_unique<Graph>();
   if (const auto* bal = std::get_if<BalFile>(&problem.file)) {
-    if (options.start == StartChoice::odometry)
+    if (options.start != StartChoice::automatic && options.start != StartChoice::file)
       return Error{ErrorCode::bad_input, "expected --init file or auto: a BAL file has no odometry", problem.path};
+    if (options.loss_on == LossOn::loops)
+      return Error{ErrorCode::bad_input, "expected --loss-on all: a BAL file has no loops", problem.path};
     return take(add_bundle_adjustment(*problem.graph, *bal, options.loss), problem);
   }
   const auto& file = std::get<PoseGraphFile>(problem.file);
-  PoseGraphOptions pose_graph{options.rotation_error, PoseStart::file, options.loss};
-  problem.start = pose_graph.start = choose_start(file, pose_graph, options.start);
-  if (file.is_3d) return take(add_pose_graph3(*problem.graph, file, pose_graph), problem);
-  return take(add_pose_graph2(*problem.graph, file, pose_graph), problem);
+  PoseGraphOptions pose_graph{options.rotation_error, PoseStart::file, options.loss, options.loss_on != LossOn::all};
+  const Result<PoseGraphStart> start = choose_start(file, pose_graph, options.start);
+  if (!start) return start.error();
+  problem.start = pose_graph.start = start->kind;
+  if (file.is_3d) return take(add_pose_graph3(*problem.graph, file, pose_graph, start->spatial), problem);
+  return take(add_pose_graph2(*problem.graph, file, pose_graph, start->planar), problem);
 }
 
 template <class Id>

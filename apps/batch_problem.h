@@ -14,10 +14,15 @@ namespace oriel::apps {
 
 using ProblemFile = std::variant<PoseGraphFile, BalFile>;
 
+// Which edges have the loss. loops_if_any: of a pose graph the loops, of a bundle adjustment, which has none, all.
+enum class LossOn { all, loops, loops_if_any };
+
 struct ProblemOptions {
   RotationError rotation_error = RotationError::quaternion;
   Loss loss;
   StartChoice start = StartChoice::automatic;
+  LossOn loss_on = LossOn::all;
+  bool graduated = false;  // without a loss: one to be graduated, by the size of the residuals
   PoseGraphReading reading;
 };
 

@@ -71,7 +71,7 @@ Result<SolvedFile> solve_one(const std::filesystem::path& data, const std::files
   Result<BatchProblem> problem = load_problem(data / name, {});
   if (!problem) return problem.error();
   const std::filesystem::path picture = std::filesystem::path(name).stem() += ".svg";
-  return solve_problem(*problem, {}, {out / name, out / picture});
+  return solve_problem(*problem, {{}, {out / name, out / picture}, false, {}});
 }
 
 Result<int> demo(const DemoArguments& a) {

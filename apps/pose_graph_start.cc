@@ -1,26 +1,14 @@
 #include "apps/pose_graph_start.h"
 
 #include <cmath>
-#include <vector>
+#include <optional>
 
-#include "oriel/io/chain_odometry.h"
 #include "oriel/io/landmarks.h"
 #include "oriel/residual/loss.h"
 #include "oriel/residual/pose_graph.h"
 
 namespace oriel::apps {
 namespace {
-
-Pose3d pose_of(const PoseGraphFile::SpatialPose& p) { return {Rot3d{p.qx, p.qy, p.qz, p.qw}, p.t}; }
-Pose2d pose_of(const Vec3d& p) { return {Rot2d::exp(p[2]), {{p[0], p[1]}}}; }
-
-template <class Out, class In>
-std::vector<Out> poses_of(const std::vector<In>& file_poses) {
-  std::vector<Out> poses;
-  poses.reserve(file_poses.size());
-  for (const In& p : file_poses) poses.push_back(pose_of(p));
-  return poses;
-}
 
 // rᵀ Ω r: the information as written, not its root, since nothing is linearized here.
 template <int N>
@@ -32,41 +20,69 @@ double squared_norm(const Vec<double, N>& r, const Mat<double, N, N>& informatio
 }
 
 template <class Residual, class Pose, class Edge>
-double cost_of(const std::vector<Edge>& edges, const std::vector<Pose>& poses, const Loss& loss) {
+double cost_of(const PoseGraphFile& file, const std::vector<Edge>& edges, const std::vector<Pose>& poses,
+               const PoseGraphOptions& options) {
   double sum = 0.0;
   for (const Edge& e : edges) {
     Vec<double, Residual::kDim> r;
     Residual{pose_of(e.measurement)}.evaluate(poses[e.from], poses[e.to], r, nullptr, nullptr);
-    sum += evaluate_loss(loss.kind, loss.scale, squared_norm(r, information_matrix(e))).rho;
+    sum += evaluate_loss(options.loss_of(file.ids[e.from], file.ids[e.to]), squared_norm(r, information_matrix(e))).rho;
   }
   return 0.5 * sum;
 }
 
 }  // namespace
 
-double start_cost(const PoseGraphFile& file, const PoseGraphOptions& options, PoseStart start) {
-  const bool chained = start == PoseStart::odometry || !file.has_vertices;
+Result<PoseGraphStart> find_start(const PoseGraphFile& file, const PoseGraphOptions& options, PoseStart kind) {
+  PoseGraphStart start{kind, 0.0, {}, {}};
+  const bool from_file = kind == PoseStart::file && file.has_vertices;
   if (!file.is_3d) {
-    const auto poses = chained ? chain_odometry2(file) : poses_of<Pose2d>(file.planar_poses);
-    return cost_of<PoseGraphEdge2d>(file.planar_edges, poses, options.loss) +
-           landmark_cost2(file, poses, start_landmarks2(file, !chained, poses), options.loss);
+    auto poses = start_poses2(file, kind);
+    if (!poses) return poses.error();
+    start.planar = std::move(*poses);
+    start.cost = cost_of<PoseGraphEdge2d>(file, file.planar_edges, start.planar, options) +
+                 landmark_cost2(file, start.planar, start_landmarks2(file, from_file, start.planar),
+                                options.loss_of_sightings());
+    return start;
   }
-  const auto poses = chained ? chain_odometry3(file) : poses_of<Pose3d>(file.spatial_poses);
-  return landmark_cost3(file, poses, start_landmarks3(file, !chained, poses), options.loss) +
-         (options.rotation_error == RotationError::quaternion
-              ? cost_of<PoseGraphEdge3d>(file.spatial_edges, poses, options.loss)
-              : cost_of<PoseGraphEdgeLog3d>(file.spatial_edges, poses, options.loss));
+  auto poses = start_poses3(file, kind);
+  if (!poses) return poses.error();
+  start.spatial = std::move(*poses);
+  start.cost = landmark_cost3(file, start.spatial, start_landmarks3(file, from_file, start.spatial),
+                              options.loss_of_sightings()) +
+               (options.rotation_error == RotationError::quaternion
+                    ? cost_of<PoseGraphEdge3d>(file, file.spatial_edges, start.spatial, options)
+                    : cost_of<PoseGraphEdgeLog3d>(file, file.spatial_edges, start.spatial, options));
+  return start;
 }
 
-PoseStart choose_start(const PoseGraphFile& file, const PoseGraphOptions& options, StartChoice choice) {
-  if (!file.has_vertices || choice == StartChoice::odometry) return PoseStart::odometry;
-  if (choice == StartChoice::file) return PoseStart::file;
-  const double from_file = start_cost(file, options, PoseStart::file);
-  const double chained = start_cost(file, options, PoseStart::odometry);
-  // Rounding decides where both are one start: the file's, then.
-  return chained < from_file * (1.0 - 1e-9) || (std::isfinite(chained) && !std::isfinite(from_file))
-             ? PoseStart::odometry
-             : PoseStart::file;
+Result<PoseGraphStart> choose_start(const PoseGraphFile& file, const PoseGraphOptions& options, StartChoice choice) {
+  switch (choice) {
+    case StartChoice::file:
+      return find_start(file, options, file.has_vertices ? PoseStart::file : PoseStart::odometry);
+    case StartChoice::odometry:
+      return find_start(file, options, PoseStart::odometry);
+    case StartChoice::spanning_tree:
+      return find_start(file, options, PoseStart::spanning_tree);
+    case StartChoice::chordal:
+      return find_start(file, options, PoseStart::chordal);
+    case StartChoice::automatic:
+      break;
+  }
+  std::optional<PoseGraphStart> best;
+  for (const PoseStart kind : {PoseStart::file, PoseStart::odometry, PoseStart::spanning_tree, PoseStart::chordal}) {
+    if (kind == PoseStart::file && !file.has_vertices) continue;
+    Result<PoseGraphStart> start = find_start(file, options, kind);
+    // Rounding decides where two are one start: the first one, then.
+    if (start && (!best || start->cost < best->cost * (1.0 - 1e-9) || !std::isfinite(best->cost)))
+      best = std::move(*start);
+  }
+  return std::move(*best);  // odometry never fails
+}
+
+const char* name_of(PoseStart start) {
+  constexpr const char* kNames[] = {"file", "odometry", "tree", "chordal"};
+  return kNames[static_cast<int>(start)];
 }
 
 }  // namespace oriel::apps

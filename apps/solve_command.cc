@@ -7,6 +7,7 @@
 #include "apps/arguments.h"
 #include "apps/command.h"
 #include "apps/commands.h"
+#include "apps/loss_argument.h"
 #include "apps/solve_files.h"
 #include "oriel/io/text.h"
 
@@ -17,33 +18,28 @@ namespace {
 struct SolveArguments {
   std::vector<std::string> files;
   std::string method = "lm", linear_solver = "auto", loss = "none", init = "auto", rotation_error = "quaternion",
-              information = "refuse", isam_noise = "information", out, svg, json;
+              loss_on, information = "refuse", isam_noise = "information", out, svg, json;
   int iterations = 100, threads = 1;
+  std::vector<std::string> covariance;
+  bool graduated = false, joint = false, verbose = false;
   double deadline_ms = 0;
 };
-
-Result<Loss> parse_loss(const std::string& text) {
-  if (text == "none") return Loss::none();
-  const std::size_t colon = text.find(':');
-  const std::string name = text.substr(0, colon);
-  double scale = 0;
-  const bool has_scale =
-      colon != std::string::npos && parse_number(text.substr(colon + 1), scale) == NumberFault::none && scale > 0;
-  if (has_scale && name == "huber") return Huber(scale);
-  if (has_scale && name == "cauchy") return Cauchy(scale);
-  return Error{ErrorCode::bad_input,
-               "expected none, huber:SCALE or cauchy:SCALE with SCALE > 0, found " + quote_token(text)};
-}
 
 ProblemOptions problem_options(const SolveArguments& a) {
   ProblemOptions options;
   if (a.rotation_error == "log") options.rotation_error = RotationError::log;
   if (a.init == "file") options.start = StartChoice::file;
   if (a.init == "odometry") options.start = StartChoice::odometry;
+  if (a.init == "tree") options.start = StartChoice::spanning_tree;
+  if (a.init == "chordal") options.start = StartChoice::chordal;
+  // Odometry is seldom wrong, and a graph without it falls to pieces: graduated, it is trusted.
+  if (a.loss_on == "loops") options.loss_on = LossOn::loops;
+  if (a.loss_on.empty() && a.graduated) options.loss_on = LossOn::loops_if_any;
   options.reading.project_information = a.information == "project";
   if (a.isam_noise == "root") options.reading.isam_noise = IsamNoise::root;
   if (a.isam_noise == "covariance") options.reading.isam_noise = IsamNoise::covariance;
   options.loss = *parse_loss(a.loss);  // checked with the other arguments
+  options.graduated = a.graduated;
   return options;
 }
 
@@ -57,6 +53,16 @@ SolveOptions solve_options(const SolveArguments& a) {
   options.threads = a.threads;
   options.deadline = Duration::from_seconds(a.deadline_ms * 1e-3);
   return options;
+}
+
+Result<void> check_loss(const SolveArguments& a) {
+  const LossKind kind = parse_loss(a.loss)->kind;
+  if (a.graduated && kind != LossKind::none && kind != LossKind::truncated && kind != LossKind::geman_mcclure)
+    return Error{ErrorCode::bad_input,
+                 "--gnc: expected --loss truncated:SCALE or geman-mcclure:SCALE, found " + a.loss};
+  if (a.loss_on == "loops" && kind == LossKind::none && !a.graduated)
+    return Error{ErrorCode::bad_input, "--loss-on loops: expected --loss NAME:SCALE or --gnc beside it"};
+  return {};
 }
 
 Result<void> check_targets(const SolveArguments& a) {
@@ -76,22 +82,25 @@ Result<std::vector<BatchProblem>> load_all(const SolveArguments& a) {
   for (const std::string& path : a.files) {
     Result<BatchProblem> problem = load_problem(path, problem_options(a));
     if (!problem) return problem.error();
+    if (auto ids = find_variables(*problem, {a.covariance, a.joint}); !ids) return ids.error();
     problems.push_back(std::move(*problem));
   }
   return problems;
 }
 
 Result<int> solve_all(const SolveArguments& a) {
+  if (auto ok = check_loss(a); !ok) return ok.error();
   if (auto ok = check_targets(a); !ok) return ok.error();
   Result<std::vector<BatchProblem>> problems = load_all(a);
   if (!problems) return problems.error();
   std::vector<SolvedFile> solved;
   int exit_code = kSolved;
   for (BatchProblem& problem : *problems) {
-    Result<SolvedFile> file = solve_problem(problem, solve_options(a), {a.out, a.svg});
+    Result<SolvedFile> file =
+        solve_problem(problem, {solve_options(a), {a.out, a.svg}, a.graduated, {a.covariance, a.joint}});
     if (!file) return file.error();
     if (!file->converged()) exit_code = kNotConverged;
-    if (a.json != "-") std::fputs(solve_text(*file).c_str(), stdout);
+    if (a.json != "-") std::fputs(solve_text(*file, a.verbose).c_str(), stdout);
     solved.push_back(std::move(*file));
     problem = BatchProblem{};  // its memory is not the next one's
   }
@@ -122,11 +131,21 @@ void add_solve_command(CLI::App& app, int& exit_code) {
   command->add_option("--linear-solver", a->linear_solver, "Of what is left without landmarks; auto: by its size")
       ->check(one_of({"auto", "direct", "cg"}))
       ->capture_default_str();
-  command->add_option("--loss", a->loss, "none, huber:SCALE or cauchy:SCALE; SCALE in whitened units")
+  command
+      ->add_option("--loss", a->loss,
+                   "none, huber:SCALE, cauchy:SCALE, geman-mcclure:SCALE, tukey:SCALE, truncated:SCALE or "
+                   "barron:SCALE:ALPHA; SCALE in whitened units")
       ->check(CLI::Validator(fault_of_loss, ""))
       ->capture_default_str();
+  command->add_flag("--gnc", a->graduated,
+                    "Graduated non-convexity: the loss, truncated:SCALE or geman-mcclure:SCALE, begins as squares; "
+                    "without --loss it is Geman-McClure's with the root of the residual's dimension as scale");
+  command
+      ->add_option("--loss-on", a->loss_on,
+                   "Edges that have the loss; loops: of ids that are not neighbours. Default: all, with --gnc loops")
+      ->check(one_of({"all", "loops"}));
   command->add_option("--init", a->init, "Start of the poses; auto: the one of lower cost")
-      ->check(one_of({"file", "odometry", "auto"}))
+      ->check(one_of({"file", "odometry", "tree", "chordal", "auto"}))
       ->capture_default_str();
   command->add_option("--iterations", a->iterations, "Most steps, rejected ones counted")
       ->check(whole_number(0, 1'000'000))
@@ -148,6 +167,12 @@ void add_solve_command(CLI::App& app, int& exit_code) {
   command->add_option("--out", a->out, "The problem with the values found, in its own format, or as a cloud: FILE.ply");
   command->add_option("--svg", a->svg, "A picture of path, landmarks and loop edges before and after");
   command->add_option("--json", a->json, "Report, an array with one object a file; - is standard output");
+  command
+      ->add_option("--covariance", a->covariance,
+                   "Of these variables at the solution: ids such as 17 (pose, camera) or l5 (landmark, point)")
+      ->delimiter(',');
+  command->add_flag("--joint", a->joint, "One covariance of all of them together");
+  command->add_flag("--verbose", a->verbose, "Every iteration, and the time of every stage");
   command->callback([a, &exit_code] { exit_code = run(*a); });
 }
 

@@ -14,7 +14,14 @@ struct SolveTargets {
   std::string svg;  // a picture of the values before and after
 };
 
+struct SolveSettings {
+  SolveOptions options;
+  SolveTargets targets;
+  bool graduated = false;  // in rounds: solve/graduated.h
+  CovarianceRequest covariance;
+};
+
 // Solves with the engine of this library. Targets are written unless the solve failed.
-Result<SolvedFile> solve_problem(BatchProblem& problem, const SolveOptions& options, const SolveTargets& targets);
+Result<SolvedFile> solve_problem(BatchProblem& problem, const SolveSettings& settings);
 
 }  // namespace oriel::apps

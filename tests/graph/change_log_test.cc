@@ -120,6 +120,38 @@ TEST(ChangeLog, MakesThreeFollowersOfDifferentPaceEqualToARandomGraph) {
   }
 }
 
+// C1, C3
+TEST(ChangeLog, TellsOfALossThatWasSetWithoutAddingOrRemoving) {
+  Graph graph;
+  GraphEdit edit = graph.edit();
+  const auto a = edit.add(Pose3d{});
+  const FactorId kept = edit.add(Prior{Pose3d{}}, Sigma(1.0), Huber(1.0), a);
+  const FactorId removed = edit.add(Prior{Pose3d{}}, Sigma(2.0), a);
+  ASSERT_TRUE(graph.apply(edit));
+  Follower follower(graph);
+  follower.look();
+  for (const double scale : {2.0, 3.0}) {
+    GraphEdit set = graph.edit();
+    set.set(kept, Cauchy(scale));
+    set.set(removed, Cauchy(scale));
+    ASSERT_TRUE(graph.apply(set));
+  }
+  GraphEdit out = graph.edit();
+  out.remove(removed);
+  ASSERT_TRUE(graph.apply(out));
+  follower.look();
+  EXPECT_EQ(added_factors(follower.edit), 0u);
+  EXPECT_EQ(fingerprint(follower.graph), fingerprint(graph));
+  EXPECT_EQ(follower.graph.tables()[0]->loss(0).scale, 3.0);
+  const std::uint64_t before = fingerprint(graph);
+  for (const auto& [id, loss] : {std::pair{removed, Huber(1.0)}, std::pair{kept, Huber(-1.0)}}) {
+    GraphEdit bad = graph.edit();
+    bad.set(id, loss);
+    EXPECT_FALSE(graph.apply(bad));
+    EXPECT_EQ(fingerprint(graph), before);
+  }
+}
+
 // C1
 TEST(ChangeLog, GivesAFollowerThatJoinsLateTheGraphAsItIs) {
   RandomGraph origin(17);

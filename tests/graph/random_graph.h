@@ -142,12 +142,19 @@ class RandomGraph {
   }
 
   void set_value(GraphEdit& edit) {
+    if (below(3) == 0) return set_loss(edit);
     VariableId<Pose3d> a;
     VariableId<Point3d> p;
     if (below(2) && pick(a))
       edit.set(a, pose());
     else if (pick(p))
       edit.set(p, Point3d{vec3(3.0)});
+  }
+
+  void set_loss(GraphEdit& edit) {
+    if (factors_.empty()) return;
+    const FactorId id = factors_[static_cast<std::size_t>(below(static_cast<int>(factors_.size())))].id;
+    if (graph.contains(id)) edit.set(id, below(2) ? TruncatedSquares(1.0 + below(5), 0.1) : loss());
   }
 
   void fix(GraphEdit& edit) {
@@ -178,11 +185,18 @@ class RandomGraph {
     edit.add(prior);
   }
 
+  static bool sets_loss(const GraphEdit& edit, FactorId id) {
+    for (const auto& c : edit.factor_columns())
+      for (const auto& [key, loss] : c->losses)
+        if (c->ops->key == id.table && key == id.key) return true;
+    return false;
+  }
+
   // Only what is in the graph can be removed.
   void remove_factor(GraphEdit& edit) {
     if (factors_.empty()) return;
     const std::size_t i = static_cast<std::size_t>(below(static_cast<int>(factors_.size())));
-    if (!graph.contains(factors_[i].id)) return;
+    if (!graph.contains(factors_[i].id) || sets_loss(edit, factors_[i].id)) return;
     edit.remove(factors_[i].id);
     factors_.erase(factors_.begin() + static_cast<std::ptrdiff_t>(i));
   }

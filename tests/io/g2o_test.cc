@@ -90,9 +90,10 @@ TEST(G2o, NamesFileLineAndExpectationForBadInput) {
   EXPECT_EQ(with("VERTEX_SE2 0 5 5 5\n"), "f.g2o:3: expected each pose once, found the id 0 again (first in line 1)");
   EXPECT_EQ(with("FIX 8\n"), "f.g2o:3: FIX: no pose has the id 8");
   EXPECT_EQ(with(spatial_edge("0 0 0 1")), "f.g2o:3: expected SE2 as in the lines before, found EDGE_SE3:QUAT");
-  EXPECT_EQ(with("VERTEX_NOPE 0 1 2 3\n"),
-            "f.g2o:3: expected a tag of g2o (VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, EDGE_SE3:QUAT, FIX, ...), TORO or iSAM, "
-            "found 'VERTEX_NOPE'");
+  EXPECT_EQ(
+      with("VERTEX_NOPE 0 1 2 3\n"),
+      "f.g2o:3: expected a tag of g2o (VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, EDGE_SE3:QUAT, FIX, ...), TORO or iSAM, "
+      "found 'VERTEX_NOPE'");
   EXPECT_EQ(error_of(spatial_edge("0 0 0 0")), "f.g2o:1: EDGE_SE3:QUAT: expected a quaternion that is not zero");
   EXPECT_EQ(error_of(""), "f.g2o: expected VERTEX or EDGE lines, found none (is the file empty?)");
   std::string long_line = "EDGE_SE2 ";

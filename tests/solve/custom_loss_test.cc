@@ -14,7 +14,7 @@ namespace {
 using namespace oriel;  // NOLINT(google-build-using-namespace): as a user would write it
 using Scalar = VectorNd<1>;
 
-struct GemanMcClure {  // ρ(s) = s / (1 + s/c²): at most c², however far the measurement is off
+struct Saturating {  // ρ(s) = s / (1 + s/c²): at most c², however far the measurement is off
   static constexpr std::string_view kName = "example.geman_mcclure/1";
   static LossValue<double> evaluate(double c, double s) {
     const double u = 1.0 + s / (c * c);
@@ -61,7 +61,7 @@ VariableId<Scalar> add_measurements(Graph& graph, const Loss& loss) {
 
 TEST(CustomLoss, KeepsAnOutlierFromPulling) {  // V9
   Graph graph;
-  const auto x = add_measurements(graph, CustomLoss<GemanMcClure>(3.0));
+  const auto x = add_measurements(graph, CustomLoss<Saturating>(3.0));
   NativeEngine engine(graph);
   const Summary summary = engine.solve();
   EXPECT_TRUE(summary.converged()) << summary;
@@ -88,7 +88,7 @@ TEST(CustomLoss, GivesWhatABuiltInOneGivesForTheSameFunction) {  // V9
 // What a journal or a worker is sent holds the loss by name; a reader must know it, as it must know types.
 TEST(CustomLoss, TravelsByItsNameToReadersThatKnowIt) {  // V9
   Graph graph;
-  add_measurements(graph, CustomLoss<GemanMcClure>(3.0));
+  add_measurements(graph, CustomLoss<Saturating>(3.0));
   GraphEdit net;
   graph.collect(graph.subscribe(), net);
   Bytes bytes;
@@ -103,7 +103,7 @@ TEST(CustomLoss, TravelsByItsNameToReadersThatKnowIt) {  // V9
   ASSERT_FALSE(unknown.ok());
   EXPECT_EQ(unknown.error().code, ErrorCode::not_found);
   EXPECT_NE(unknown.error().text().find("example.geman_mcclure/1"), std::string::npos) << unknown.error();
-  types.loss<GemanMcClure>();
+  types.loss<Saturating>();
   ASSERT_TRUE(read_edit(*message, types, replica, read));
   ASSERT_TRUE(replica.apply(read));
   EXPECT_EQ(fingerprint(replica), fingerprint(graph));

@@ -17,6 +17,7 @@ void ChangeLog::mark_seen(Subscription s, std::uint64_t version) {
   const std::uint64_t least = least_seen();
   std::erase_if(removals_, [least](const Removal& r) { return r.removed <= least; });
   std::erase_if(changes_, [least](const Change& c) { return c.version <= least; });
+  std::erase_if(loss_changes_, [least](const LossChange& c) { return c.version <= least; });
 }
 
 void ChangeLog::note(const Removal& r) {
@@ -24,6 +25,9 @@ void ChangeLog::note(const Removal& r) {
 }
 void ChangeLog::note(const Change& c) {
   if (least_seen() != kNobody) changes_.push_back(c);
+}
+void ChangeLog::note(const LossChange& c) {
+  if (least_seen() != kNobody) loss_changes_.push_back(c);
 }
 
 std::uint64_t ChangeLog::least_seen() const {

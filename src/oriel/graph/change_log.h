@@ -30,6 +30,12 @@ class ChangeLog {
     std::uint64_t version = 0;
   };
 
+  // The loss of a factor was set.
+  struct LossChange {
+    FactorId id;
+    std::uint64_t version = 0;
+  };
+
   Subscription subscribe();
   void unsubscribe(Subscription s) { mark_seen(s, kNobody); }
   std::uint64_t seen(Subscription s) const { return seen_[s.number]; }
@@ -37,8 +43,10 @@ class ChangeLog {
 
   void note(const Removal& r);
   void note(const Change& c);
+  void note(const LossChange& c);
   const std::vector<Removal>& removals() const { return removals_; }
   const std::vector<Change>& changes() const { return changes_; }
+  const std::vector<LossChange>& loss_changes() const { return loss_changes_; }
 
  private:
   static constexpr std::uint64_t kNobody = ~std::uint64_t{0};
@@ -47,6 +55,7 @@ class ChangeLog {
   std::vector<std::uint64_t> seen_;
   std::vector<Removal> removals_;
   std::vector<Change> changes_;
+  std::vector<LossChange> loss_changes_;
 };
 
 }  // namespace oriel

@@ -14,6 +14,7 @@ void EditCommit::run() {
   give_serials();
   reserve();
   ++g_.version_;
+  set_losses();  // while all are there: one may leave with a variable
   remove_factors();
   remove_variables();
   add_variables();
@@ -323,6 +324,17 @@ void EditCommit::note_change(const VariablePool& pool, std::uint32_t dense) {
   const VariablePool::Versions& v = pool.versions(dense);
   if (v.value == g_.version_ || v.fixed == g_.version_ || v.first_estimate == g_.version_) return;
   g_.log_.note(ChangeLog::Change{{pool.ops().key, pool.slots().key(dense)}, g_.version_});
+}
+
+void EditCommit::set_losses() {
+  for (const auto& c : edit_.factor_columns()) {
+    if (c->losses.empty()) continue;
+    FactorTable& table = *g_.tables_[g_.table_index(c->ops)];
+    for (const auto& [key, loss] : c->losses) {
+      table.set_loss(table.slots().find(key), loss);
+      g_.log_.note(ChangeLog::LossChange{{c->ops->key, key}, g_.version_});
+    }
+  }
 }
 
 void EditCommit::set_values() {

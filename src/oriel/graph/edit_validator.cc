@@ -124,6 +124,13 @@ Result<void> EditValidator::factors(const edit::Factors& c) const {
     if (c.removed_at.find(c.removed[i].index) != i)
       return Error{ErrorCode::duplicate, "remove: factor " + key_text(c.removed[i]) + " of " +
                                              std::string(c.ops->residual) + " is named twice"};
+  for (const auto& [key, loss] : c.losses) {
+    const std::string name = "set: factor " + key_text(key) + " of " + std::string(c.ops->residual);
+    if (table == nullptr || table->slots().find(key) == SlotIndex::kNone || c.removes(key))
+      return Error{ErrorCode::stale_id, name + " is not in the graph"};
+    if (const std::string_view fault = fault_of(loss); !fault.empty())
+      return Error{ErrorCode::bad_input, name + ": " + std::string(fault)};
+  }
   return added_factors(c, table != nullptr ? table->slots() : kNoSlots);
 }
 

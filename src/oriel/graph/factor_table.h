@@ -32,6 +32,10 @@ class FactorTable {
   const void* noise(std::uint32_t row) const { return noises_.at(row); }
   const Loss& loss(std::uint32_t row) const { return losses_[row]; }
   std::uint64_t added(std::uint32_t row) const { return added_[row]; }
+  void set_loss(std::uint32_t row, const Loss& loss) {
+    losses_[row] = loss;
+    robust_ = robust_ || loss.kind != LossKind::none;
+  }
   // True while any row that ever came had a robust loss.
   bool robust() const { return robust_; }
   std::uint32_t& incidence(std::uint32_t row, int arg) { return incidences_[row * arity() + arg]; }

@@ -224,7 +224,19 @@ void Graph::collect(Subscription s, GraphEdit& out) {
     }
     if (pool->versions(d).fixed == change.version) c.fixed.emplace_back(change.id.key, pool->fixed(d));
   }
+  collect_losses(seen, out);
   log_.mark_seen(s, version_);
+}
+
+// Of factors that the follower knows; what was set twice is named twice, as it is now.
+void Graph::collect_losses(std::uint64_t seen, GraphEdit& out) const {
+  for (const ChangeLog::LossChange& change : log_.loss_changes())
+    for (const auto& t : tables_) {
+      if (t->ops().key != change.id.table) continue;
+      const std::uint32_t r = t->slots().find(change.id.key);
+      if (change.version > seen && r != SlotIndex::kNone && t->added(r) <= seen)
+        out.factors(&t->ops()).losses.emplace_back(change.id.key, t->loss(r));
+    }
 }
 
 }  // namespace oriel

@@ -132,6 +132,7 @@ class Graph {
   std::uint32_t pool_index(const VariableOps* ops);
   std::uint32_t table_index(const FactorOps* ops);
   void collect_labels(GraphEdit& out) const;
+  void collect_losses(std::uint64_t seen, GraphEdit& out) const;
   VariablePool* pool_of(std::uint64_t type) { return const_cast<VariablePool*>(find_pool(type)); }
 
   std::vector<Owned<VariablePool>> pools_;

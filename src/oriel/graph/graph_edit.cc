@@ -59,6 +59,7 @@ void Factors::clear() {
   noises.clear();
   variables.clear();
   removed.clear();
+  losses.clear();
 }
 
 void Priors::clear() {
@@ -203,21 +204,25 @@ void GraphEdit::remove(FactorId id) {
     priors_.removed.push_back(id.key);
     return;
   }
+  edit::Factors* c = known_column(id, "remove");
+  if (c == nullptr) return;
+  c->removed_at.set(id.key.index, static_cast<std::uint32_t>(c->removed.size()));
+  c->removed.push_back(id.key);
+}
+
+void GraphEdit::set(FactorId id, const Loss& loss) {
+  if (edit::Factors* c = known_column(id, "set")) c->losses.emplace_back(id.key, loss);
+}
+
+// Null, and an edit that is refused, for a table that the graph does not know.
+edit::Factors* GraphEdit::known_column(FactorId id, const char* what) {
   for (auto& c : factors_)
-    if (c->ops->key == id.table) {
-      c->removed_at.set(id.key.index, static_cast<std::uint32_t>(c->removed.size()));
-      c->removed.push_back(id.key);
-      return;
-    }
-  const FactorOps* ops = seen_ != nullptr ? seen_->find_factor_ops(id.table) : nullptr;
-  if (ops == nullptr) {
-    if (unknown_.empty())
-      unknown_ = "remove: factor #" + std::to_string(id.key.index) + "." + std::to_string(id.key.generation) +
-                 " of a table that the graph does not know";
-    return;
-  }
-  factors(ops);
-  remove(id);
+    if (c->ops->key == id.table) return c.get();
+  if (const FactorOps* ops = seen_ != nullptr ? seen_->find_factor_ops(id.table) : nullptr) return &factors(ops);
+  if (unknown_.empty())
+    unknown_ = std::string(what) + ": factor #" + std::to_string(id.key.index) + "." +
+               std::to_string(id.key.generation) + " of a table that the graph does not know";
+  return nullptr;
 }
 
 namespace {

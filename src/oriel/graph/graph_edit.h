@@ -77,10 +77,11 @@ struct Factors {
   std::vector<SlotKey> variables;  // arity of them a row
   std::vector<SlotKey> removed;
   SlotMarks removed_at;
+  std::vector<std::pair<SlotKey, Loss>> losses;  // set; of one that is named twice the last
 
   explicit Factors(const FactorOps* o);
   void clear();
-  bool empty() const { return added.empty() && removed.empty(); }
+  bool empty() const { return added.empty() && removed.empty() && losses.empty(); }
   bool removes(SlotKey key) const {
     const std::uint32_t at = removed_at.find(key.index);
     return at != SlotMarks::kNone && removed[at] == key;
@@ -156,6 +157,8 @@ class GraphEdit {
 
   template <Variable V>
   void set(VariableId<V> id, const V& value);
+  // Another loss for a factor that is in the graph; its id stays.
+  void set(FactorId id, const Loss& loss);
   // A fixed variable takes part in factors and is not moved by solvers.
   void fix(VariableKey id, bool fixed = true);
   // Removes the variable and every factor on it; a LinearPrior loses that variable alone (marginalized out). An id
@@ -210,6 +213,7 @@ class GraphEdit {
   void set_value(const VariableOps* ops, SlotKey key, const void* value);
   const void* find_value(VariableKey id) const;
   edit::Variables* column_of(std::uint64_t type);
+  edit::Factors* known_column(FactorId id, const char* what);
   edit::Variables* known_column(VariableKey id, const char* what);
   [[noreturn]] void unresolved(VariableKey id) const;
 

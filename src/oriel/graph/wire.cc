@@ -59,6 +59,13 @@ void put(ByteWriter& w, const edit::Variables& c) {
   }
 }
 
+void put(ByteWriter& w, const Loss& loss) {
+  w.put(loss.kind);
+  w.put(loss.scale);
+  w.put(loss.shape);
+  if (loss.kind == LossKind::custom) w.put_text(loss.ops->name);
+}
+
 void put(ByteWriter& w, const edit::Factors& c) {
   w.put_text(c.ops->residual);
   w.put_text(c.ops->noise);
@@ -71,15 +78,17 @@ void put(ByteWriter& w, const edit::Factors& c) {
     put_key(w, a.key);
     w.put(a.serial);
     w.put(a.order);
-    w.put(a.loss.kind);
-    w.put(a.loss.scale);
-    w.put(a.loss.shape);
-    if (a.loss.kind == LossKind::custom) w.put_text(a.loss.ops->name);
+    put(w, a.loss);
   }
   put_column(w, c.measurements);
   put_column(w, c.noises);
   for (const SlotKey k : c.variables) put_key(w, k);
   put_keys(w, c.removed);
+  w.put_count(c.losses);
+  for (const auto& [key, loss] : c.losses) {
+    put_key(w, key);
+    put(w, loss);
+  }
 }
 
 void put(ByteWriter& w, const edit::Priors& c) {

@@ -130,6 +130,11 @@ class EditReader {
       c.removed_at.set(key.index, static_cast<std::uint32_t>(c.removed.size()));
       c.removed.push_back(key);
     }
+    for (std::uint32_t k = r_.get_count(25); k > 0; --k) {
+      auto& [key, set] = c.losses.emplace_back();
+      key = get_key(r_);
+      if (!loss(set)) return false;
+    }
     return r_.ok();
   }
 

@@ -3,11 +3,10 @@
 #include <cstdlib>
 #include <utility>
 
+#include "oriel/io/pose_start.h"
+
 namespace oriel {
 namespace {
-
-Pose3d pose_of(const PoseGraphFile::SpatialPose& p) { return {Rot3d{p.qx, p.qy, p.qz, p.qw}, p.t}; }
-Pose2d pose_of(const Vec3d& p) { return {Rot2d::exp(p[2]), {{p[0], p[1]}}}; }
 
 // Edges of each pose, those to its neighbours in the file first: they are odometry where the file has any.
 template <class Edge>
@@ -35,8 +34,8 @@ class Links {
 template <class Pose, class Edge>
 class Chain {
  public:
-  Chain(std::size_t count, const std::vector<Edge>& edges)
-      : edges_(edges), links_(count, edges), poses_(count), known_(count, 0) {}
+  Chain(std::size_t count, const std::vector<Edge>& edges, bool shortest)
+      : edges_(edges), links_(count, edges), poses_(count), known_(count, 0), shortest_(shortest) {}
 
   // `held` begin together, then the first pose of every piece that they do not reach. Empty `values`: all are identity.
   std::vector<Pose> from(const std::vector<std::int32_t>& held, const std::vector<Pose>& values) {
@@ -54,7 +53,7 @@ class Chain {
   void begin(std::size_t pose, const Pose& value) {
     poses_[pose] = value;
     known_[pose] = 1;
-    ahead_.push_back(pose);
+    if (!shortest_) ahead_.push_back(pose);
     loops_.push_back(pose);
   }
 
@@ -82,26 +81,28 @@ class Chain {
   std::vector<char> known_;
   std::vector<std::size_t> ahead_, loops_;  // consecutive edges are followed to their end before any other is taken
   std::size_t next_loop_ = 0;
+  bool shortest_;  // none is followed to its end
 };
 
 // A pose that FIX holds keeps the value that the file gives it: a start must not change the problem.
 template <class Pose, class Edge, class FilePose>
-std::vector<Pose> chain(const PoseGraphFile& file, const std::vector<Edge>& edges, const std::vector<FilePose>& from) {
+std::vector<Pose> chain(const PoseGraphFile& file, const std::vector<Edge>& edges, const std::vector<FilePose>& from,
+                        bool shortest) {
   std::vector<Pose> values;
   values.reserve(from.size());
   for (const FilePose& p : from) values.push_back(pose_of(p));
-  return Chain<Pose, Edge>(file.ids.size(), edges)
+  return Chain<Pose, Edge>(file.ids.size(), edges, shortest)
       .from(values.empty() ? std::vector<std::int32_t>() : file.fixed, values);
 }
 
 }  // namespace
 
-std::vector<Pose2d> chain_odometry2(const PoseGraphFile& file) {
-  return chain<Pose2d>(file, file.planar_edges, file.planar_poses);
+std::vector<Pose2d> chain_odometry2(const PoseGraphFile& file, bool shortest) {
+  return chain<Pose2d>(file, file.planar_edges, file.planar_poses, shortest);
 }
 
-std::vector<Pose3d> chain_odometry3(const PoseGraphFile& file) {
-  return chain<Pose3d>(file, file.spatial_edges, file.spatial_poses);
+std::vector<Pose3d> chain_odometry3(const PoseGraphFile& file, bool shortest) {
+  return chain<Pose3d>(file, file.spatial_edges, file.spatial_poses, shortest);
 }
 
 }  // namespace oriel

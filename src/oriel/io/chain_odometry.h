@@ -11,7 +11,8 @@ namespace oriel {
 
 // Poses that FIX holds keep the file's value (without VERTEX lines there is none to keep). Pieces of the graph that
 // they do not reach begin at their first pose, at the file's value or identity.
-std::vector<Pose2d> chain_odometry2(const PoseGraphFile& file);
-std::vector<Pose3d> chain_odometry3(const PoseGraphFile& file);
+// With `shortest` every pose is reached by as few edges as can be, whichever they are: a spanning tree.
+std::vector<Pose2d> chain_odometry2(const PoseGraphFile& file, bool shortest = false);
+std::vector<Pose3d> chain_odometry3(const PoseGraphFile& file, bool shortest = false);
 
 }  // namespace oriel

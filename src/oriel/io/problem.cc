@@ -1,15 +1,11 @@
 #include "oriel/io/problem.h"
 
-#include "oriel/io/chain_odometry.h"
 #include "oriel/io/landmarks.h"
 #include "oriel/residual/bal.h"
 #include "oriel/residual/pose_graph.h"
 
 namespace oriel {
 namespace {
-
-Pose3d pose_of(const PoseGraphFile::SpatialPose& p) { return {Rot3d{p.qx, p.qy, p.qz, p.qw}, p.t}; }
-Pose2d pose_of(const Vec3d& p) { return {Rot2d::exp(p[2]), {{p[0], p[1]}}}; }
 
 Result<void> apply(Graph& graph, GraphEdit& edit, const std::string& file) {
   auto ok = graph.apply(edit);
@@ -26,49 +22,56 @@ void hold(GraphEdit& edit, const PoseGraphFile& file, const Ids& ids) {
   if (file.fixed.empty() && file.fixed_landmarks.empty() && !ids.empty()) edit.fix(ids[0]);
 }
 
-template <class Out, class In>
-std::vector<Out> poses_of(const std::vector<In>& file_poses) {
-  std::vector<Out> poses;
-  poses.reserve(file_poses.size());
-  for (const In& p : file_poses) poses.push_back(pose_of(p));
-  return poses;
-}
-
 }  // namespace
 
 Result<PoseGraph2> add_pose_graph2(Graph& graph, const PoseGraphFile& file, const PoseGraphOptions& options) {
+  const Result<std::vector<Pose2d>> start = start_poses2(file, options.start);
+  if (!start) return start.error();
+  return add_pose_graph2(graph, file, options, *start);
+}
+
+Result<PoseGraph3> add_pose_graph3(Graph& graph, const PoseGraphFile& file, const PoseGraphOptions& options) {
+  const Result<std::vector<Pose3d>> start = start_poses3(file, options.start);
+  if (!start) return start.error();
+  return add_pose_graph3(graph, file, options, *start);
+}
+
+Result<PoseGraph2> add_pose_graph2(Graph& graph, const PoseGraphFile& file, const PoseGraphOptions& options,
+                                   const std::vector<Pose2d>& start) {
   GraphEdit edit = graph.edit();
   PoseGraph2 ids;
   const bool from_file = file.has_vertices && options.start == PoseStart::file;
-  const std::vector<Pose2d> start = from_file ? poses_of<Pose2d>(file.planar_poses) : chain_odometry2(file);
   ids.poses.reserve(file.ids.size());
   for (const Pose2d& pose : start) ids.poses.push_back(edit.add(pose));
   for (const auto& e : file.planar_edges)
-    edit.add(PoseGraphEdge2d{pose_of(e.measurement)}, Information(information_matrix(e)), options.loss,
-             ids.poses[e.from], ids.poses[e.to]);
+    edit.add(PoseGraphEdge2d{pose_of(e.measurement)}, Information(information_matrix(e)),
+             options.loss_of(file.ids[e.from], file.ids[e.to]), ids.poses[e.from], ids.poses[e.to]);
   hold(edit, file, ids.poses);
-  ids.landmarks = add_landmarks2(edit, file, ids.poses, start_landmarks2(file, from_file, start), options.loss);
+  ids.landmarks =
+      add_landmarks2(edit, file, ids.poses, start_landmarks2(file, from_file, start), options.loss_of_sightings());
   if (auto ok = apply(graph, edit, file.file_name); !ok) return ok.error();
   return ids;
 }
 
-Result<PoseGraph3> add_pose_graph3(Graph& graph, const PoseGraphFile& file, const PoseGraphOptions& options) {
+Result<PoseGraph3> add_pose_graph3(Graph& graph, const PoseGraphFile& file, const PoseGraphOptions& options,
+                                   const std::vector<Pose3d>& start) {
   GraphEdit edit = graph.edit();
   PoseGraph3 ids;
   const bool from_file = file.has_vertices && options.start == PoseStart::file;
-  const std::vector<Pose3d> start = from_file ? poses_of<Pose3d>(file.spatial_poses) : chain_odometry3(file);
   ids.poses.reserve(file.ids.size());
   for (const Pose3d& pose : start) ids.poses.push_back(edit.add(pose));
   for (const auto& e : file.spatial_edges) {
     const auto noise = Information(information_matrix(e));
     const Pose3d measured = pose_of(e.measurement);
+    const Loss& loss = options.loss_of(file.ids[e.from], file.ids[e.to]);
     if (options.rotation_error == RotationError::quaternion)
-      edit.add(PoseGraphEdge3d{measured}, noise, options.loss, ids.poses[e.from], ids.poses[e.to]);
+      edit.add(PoseGraphEdge3d{measured}, noise, loss, ids.poses[e.from], ids.poses[e.to]);
     else
-      edit.add(PoseGraphEdgeLog3d{measured}, noise, options.loss, ids.poses[e.from], ids.poses[e.to]);
+      edit.add(PoseGraphEdgeLog3d{measured}, noise, loss, ids.poses[e.from], ids.poses[e.to]);
   }
   hold(edit, file, ids.poses);
-  ids.landmarks = add_landmarks3(edit, file, ids.poses, start_landmarks3(file, from_file, start), options.loss);
+  ids.landmarks =
+      add_landmarks3(edit, file, ids.poses, start_landmarks3(file, from_file, start), options.loss_of_sightings());
   if (auto ok = apply(graph, edit, file.file_name); !ok) return ok.error();
   return ids;
 }
