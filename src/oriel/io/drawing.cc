@@ -6,15 +6,12 @@
 namespace oriel {
 namespace {
 
-bool consecutive(const PoseGraphFile& file, std::int32_t a, std::int32_t b) {
-  const std::int64_t d = file.ids[static_cast<std::size_t>(a)] - file.ids[static_cast<std::size_t>(b)];
-  return d == 1 || d == -1;
-}
-
 template <class Edges>
-void add_lines(const PoseGraphFile& file, const Edges& edges, Drawing& drawing) {
-  for (const auto& e : edges)
-    (consecutive(file, e.from, e.to) ? drawing.path : drawing.loops).push_back({e.from, e.to});
+void add_lines(const Edges& edges, Drawing& drawing) {
+  for (const auto& e : edges) {
+    const bool consecutive = e.from - e.to == 1 || e.to - e.from == 1;
+    (consecutive ? drawing.path : drawing.loops).push_back({e.from, e.to});
+  }
 }
 
 }  // namespace
@@ -25,8 +22,8 @@ Drawing drawing_of(const PoseGraphFile& file) {
   for (const auto& p : file.spatial_poses) d.poses.push_back(p.t);
   for (const Vec2d& p : file.planar_landmarks) d.landmarks.push_back({p[0], p[1], 0});
   d.landmarks.insert(d.landmarks.end(), file.spatial_landmarks.begin(), file.spatial_landmarks.end());
-  add_lines(file, file.planar_edges, d);
-  add_lines(file, file.spatial_edges, d);
+  add_lines(file.planar_edges, d);
+  add_lines(file.spatial_edges, d);
   return d;
 }
 

@@ -14,7 +14,7 @@ struct Drawing {
   using Line = std::pair<std::int32_t, std::int32_t>;  // indices of poses
   std::vector<Vec3d> poses;                            // of cameras: their centres [m]; z = 0 in the plane
   std::vector<Vec3d> landmarks;                        // [m]
-  std::vector<Line> path, loops;                       // edges between ids that follow one another, and all others
+  std::vector<Line> path, loops;                       // edges between neighbours in the order of ids, and all others
 };
 
 // The file must have values (VERTEX lines, or copy_values).

@@ -100,8 +100,10 @@ struct PoseGraphFile {
   std::vector<SensorOffset> offsets;  // ascending by id
   std::vector<std::int32_t> fixed_landmarks;
 
-  std::int64_t self_edges_left_out = 0;   // an edge from a pose to itself says nothing about it
-  std::int64_t information_repaired = 0;  // edges whose indefinite information was projected
+  std::int64_t self_edges_left_out = 0;       // an edge from a pose to itself says nothing about it
+  std::int64_t information_repaired = 0;      // edges whose indefinite information was projected
+  std::vector<std::int64_t> self_edge_lines;  // both by their lines
+  std::vector<std::int64_t> repaired_lines;
 };
 
 Mat3d information_matrix(const PoseGraphFile::PlanarEdge& edge);

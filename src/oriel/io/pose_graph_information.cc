@@ -63,6 +63,7 @@ class Settler {
       if (reading_.project_information) {
         project_to_semidefinite(edges[k].information.data(), N);
         ++lines_.graph.information_repaired;
+        lines_.graph.repaired_lines.push_back(edges[k].line);
       } else {
         bad_.push_back(
             {tag + (" " + std::to_string(ends[k].first)) + " " + std::to_string(ends[k].second), edges[k].line});

@@ -134,7 +134,7 @@ class Resolver {
       e.to = index.find(ends.second);
       if (e.from < 0 || e.to < 0) return no_pose(e.from < 0 ? ends.first : ends.second, e.line);
       if (e.from == e.to)
-        ++g_.self_edges_left_out;
+        ++g_.self_edges_left_out, g_.self_edge_lines.push_back(e.line);
       else if (kept++ != k)
         edges[kept - 1] = e;
     }

@@ -78,7 +78,7 @@ class Panel {
   double y(const Vec3d& p) const { return kTitle + kPanel / 2 - scale_ * (p[view_.up] - centre_[1]); }
 
   void number(double value) {  // a tenth of a pixel; far outside the picture all is alike
-    append_number(out_, std::round(10 * std::clamp(value, -1e5, 1e5)) / 10);
+    append_number(out_, std::round(10 * std::clamp(value, -99999.0, 99999.0)) / 10);
   }
   void text(double at_x, double at_y, const char* anchor, const std::string& words) {
     out_ += "<text x=\"";
