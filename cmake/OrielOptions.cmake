@@ -10,6 +10,7 @@ option(ORIEL_APPS "Build the command" ${PROJECT_IS_TOP_LEVEL})
 option(ORIEL_BENCHMARKS "Build the benchmarks" ${PROJECT_IS_TOP_LEVEL})
 option(ORIEL_EXAMPLES "Build the examples" ${PROJECT_IS_TOP_LEVEL})
 option(ORIEL_TESTS "Build the tests" ${PROJECT_IS_TOP_LEVEL})
+option(ORIEL_FUZZERS "Build the libFuzzer programs of the readers (Clang alone; the preset fuzz)" OFF)
 option(ORIEL_INSTALL "Install rules and the package for find_package(oriel)" ${PROJECT_IS_TOP_LEVEL})
 
 set(oriel_archs native x86-64-v3 baseline)

@@ -32,6 +32,7 @@ class Settler {
     judge<1>(g.planar_bearings, lines_.bearings, "EDGE_BEARING_SE2_XY");
     judge<3>(g.spatial_sightings, lines_.sightings,
              g.spelling == PoseGraphSpelling::g2o ? "EDGE_SE3_TRACKXYZ" : "POINT3");
+    if (!error_.message.empty()) return error_;
     return bad_.empty() ? Result<void>() : refusal();
   }
 
@@ -58,17 +59,28 @@ class Settler {
   template <int N, class Edge>
   void judge(std::vector<Edge>& edges, const std::vector<PoseGraphLines::Ends>& ends, const char* tag) {
     for (std::size_t k = 0; k < edges.size(); ++k) {
-      if (positive_semidefinite(edges[k].information.data(), N)) [[likely]]
-        continue;
-      if (reading_.project_information) {
-        project_to_semidefinite(edges[k].information.data(), N);
+      auto& information = edges[k].information;
+      const bool fits = positive_semidefinite(information.data(), N);
+      if (!fits && reading_.project_information) {
+        project_to_semidefinite(information.data(), N);
         ++lines_.graph.information_repaired;
         lines_.graph.repaired_lines.push_back(edges[k].line);
-      } else {
-        bad_.push_back(
-            {tag + (" " + std::to_string(ends[k].first)) + " " + std::to_string(ends[k].second), edges[k].line});
+      } else if (!fits) {
+        const auto& [first, second] = ends[k];
+        bad_.push_back({std::string(tag) + " " + std::to_string(first) + " " + std::to_string(second), edges[k].line});
       }
+      // The numbers of a line are finite; squares and inverses of them, or sums, need not be.
+      if (!finite(information) && error_.message.empty())
+        error_ = {ErrorCode::not_finite, std::string(tag) + ": expected information within the range of doubles",
+                  lines_.graph.file_name, edges[k].line};
     }
+  }
+
+  template <class List>
+  static bool finite(const List& list) {
+    double sum = 0.0;  // of zeros, unless one is infinite or no number
+    for (const double x : list) sum += 0.0 * x;
+    return sum == 0.0;
   }
 
   // The first by name, some of the others by line.

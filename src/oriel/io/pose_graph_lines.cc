@@ -84,9 +84,12 @@ bool normalise(double* q) {
   return true;
 }
 
-// R = Rz(yaw) Ry(pitch) Rx(roll).
+// R = Rz(yaw) Ry(pitch) Rx(roll). Whole turns are taken off first: the square of an angle must not overflow.
 SpatialPose from_euler(const double* v) {
-  const Rot3d R = Rot3d::exp({{0, 0, v[5]}}) * Rot3d::exp({{0, v[4], 0}}) * Rot3d::exp({{v[3], 0, 0}});
+  constexpr double kTurn = 6.283185307179586;
+  const double roll = std::remainder(v[3], kTurn), pitch = std::remainder(v[4], kTurn);
+  const double yaw = std::remainder(v[5], kTurn);
+  const Rot3d R = Rot3d::exp({{0, 0, yaw}}) * Rot3d::exp({{0, pitch, 0}}) * Rot3d::exp({{roll, 0, 0}});
   const Rot3d q = R.normalized();
   return {{v[0], v[1], v[2]}, q.qx, q.qy, q.qz, q.qw};
 }

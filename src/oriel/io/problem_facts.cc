@@ -1,6 +1,7 @@
 #include "oriel/io/problem_facts.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -125,13 +126,19 @@ class Survey {
       facts_.examples.push_back(suspicion("repeated", *twice[k], name));
   }
 
+  static std::array<double, 7> thresholds() {
+    std::array<double, 7> t{};
+    for (int d = 1; d < 7; ++d) t[static_cast<std::size_t>(d)] = chi_squared_threshold(1.0 - kFarProbability, d);
+    return t;
+  }
+
   template <class Name>
   void far(Name& name) {
-    double threshold[7];
-    for (int d = 1; d < 7; ++d) threshold[d] = chi_squared_threshold(1.0 - kFarProbability, d);
+    static const std::array<double, 7> threshold = thresholds();
     std::vector<const Link*> out;
     for (const Link& l : links_)
-      if (!(l.squared <= threshold[l.dim])) out.push_back(&l);  // what is no number is far too
+      if (!(l.squared <= threshold[static_cast<std::size_t>(l.dim)]))
+        out.push_back(&l);  // what is no number is far too
     std::stable_sort(out.begin(), out.end(), [](const Link* a, const Link* b) {
       return a->squared > b->squared || (std::isnan(a->squared) && !std::isnan(b->squared));
     });
