@@ -183,7 +183,8 @@ void Linearizer::lay_out(const Graph& graph, const LinearStructure& structure, A
 }
 
 // What a batch came to, as batch `at` of all. Of a frozen set's factors, one that is invalid here is charged its old
-// cost, and no other counts (decision 12).
+// cost, and no other counts (decision 12). One whose residual overflows here costs infinitely much: to drop it would
+// make a leap into an overflow look like a gain.
 void Linearizer::keep(const Batch& batch, bool robust, std::size_t at, const ActiveSet* frozen, ActiveSet& out) {
   out.valid[at] = batch.valid & ~out.no_jacobian[at];
   out.not_finite_mask[at] = batch.not_finite;
@@ -197,7 +198,7 @@ void Linearizer::keep(const Batch& batch, bool robust, std::size_t at, const Act
     if (!(counts >> l & 1))
       cost[l] = 0.0;
     else if (!(batch.valid >> l & 1))
-      cost[l] = frozen->cost[at * kRows + l];
+      cost[l] = batch.not_finite >> l & 1 ? HUGE_VAL : frozen->cost[at * kRows + l];
   }
 }
 

@@ -7,11 +7,12 @@
 #include <chrono>
 #include <cmath>
 
+#include "oriel/solve/scaling.h"
+
 namespace oriel {
 namespace {
 
-constexpr double kLeastDiagonal = 1e-6, kLargestDiagonal = 1e32;  // of what λ multiplies
-constexpr std::size_t kMostNotFinite = 16;                        // named in a summary
+constexpr std::size_t kMostNotFinite = 16;  // named in a summary
 constexpr double kLeastLambda = 1e-16, kLargestLambda = 1e16;
 constexpr double kDoglegLambda = 1e-14, kLargestDoglegLambda = 1e-4;  // only so that there is a solution
 constexpr double kLeastRadius = 1e-32;
@@ -138,6 +139,8 @@ void Minimizer::linearize() {
   // Rows without a finite Jacobian have left the active set at this point, whose cost is another one then.
   cost_ = e_.active_.total;
   if (summary_.accepted == 0) summary_.initial_cost = cost_;
+  // Landmarks that drift off lose their steepness for good: a region that remembered it would crawl (BAL, dogleg).
+  scale_by_diagonal(e_.system_.diagonal, summary_.linearizations > 1 && e_.structure_.landmarks().empty(), e_.scale_);
   summary_.gradient = largest(e_.system_.gradient);
   if (!summary_.trace.empty()) {
     summary_.trace.back().gradient = summary_.gradient;
@@ -163,9 +166,7 @@ bool Minimizer::find_dogleg_step() {
     }
     if (stopped_) return false;
     Stage stage(*this, summary_.seconds.solve);
-    for (auto* v : {&e_.scale_, &e_.step_product_, &e_.descent_product_}) v->resize(n);
-    for (std::size_t i = 0; i < n; ++i)
-      e_.scale_[i] = std::clamp(e_.system_.diagonal[i], kLeastDiagonal, kLargestDiagonal);
+    for (auto* v : {&e_.step_product_, &e_.descent_product_}) v->resize(n);
     const std::vector<double>& q = e_.dogleg_.descent(e_.system_.gradient, e_.scale_);
     e_.product_.whole(s, e_.system_, q.data(), e_.descent_product_.data());
     if (found) e_.product_.whole(s, e_.system_, e_.step_.data(), e_.step_product_.data());
@@ -185,7 +186,7 @@ bool Minimizer::solve_linear() {
   e_.step_.resize(s.dim());
   bool empty = false;  // a scalar that no factor touches: damping alone would hide it
   for (int i = 0; i < s.dim(); ++i) {
-    e_.damping_[i] = lambda_ * std::clamp(e_.system_.diagonal[i], kLeastDiagonal, kLargestDiagonal);
+    e_.damping_[i] = lambda_ * e_.scale_[i];
     empty = empty || e_.system_.diagonal[i] <= 0.0;
   }
   suspicious_ = empty;

@@ -89,7 +89,7 @@ class NativeEngine final : public Engine {
   Point point_, trial_;
   AlignedBuffer reduced_;  // S
   std::vector<double> damping_, rhs_, step_;
-  std::vector<double> scale_, step_product_, descent_product_;  // of a dogleg: D², H p, H q
+  std::vector<double> scale_, step_product_, descent_product_;  // D², and of a dogleg H p, H q
   Solution solution_;
   Owned<ThreadPool> threads_;
 };
