@@ -5,6 +5,9 @@
 #include <numbers>
 
 #include "oriel/manifold/jacobian.h"
+#include "oriel/manifold/positive.h"
+#include "oriel/manifold/sim3.h"
+#include "oriel/manifold/unit_vector.h"
 
 namespace oriel {
 namespace {
@@ -31,6 +34,9 @@ TEST(ManifoldLaws, HoldForEveryShippedManifold) {
   expect_laws<Pose3d>({});
   expect_laws<BalCamerad>({});
   expect_laws<InverseDepthd>({.radius = 0.9});
+  expect_laws<Sim3d>({});
+  expect_laws<UnitVector3d>({});
+  expect_laws<Positived>({.radius = 20.0});
 }
 
 // V3
@@ -39,6 +45,8 @@ TEST(ManifoldLaws, HoldForRotationsUpToHalfATurn) {
   expect_laws<Pose2d>({.radius = kPi, .tolerance = 1e-10});
   expect_laws<Rot3d>({.radius = kPi, .tolerance = 1e-12});
   expect_laws<Pose3d>({.radius = kPi, .tolerance = 1e-10});
+  expect_laws<Sim3d>({.radius = kPi, .tolerance = 1e-10});
+  expect_laws<UnitVector3d>({.radius = kPi, .tolerance = 1e-10, .points = 2000});
 }
 
 // V3
@@ -74,19 +82,31 @@ double orthonormality_error(const Mat3d& R) {
 }
 
 // V3
-TEST(Rotations, StayOrthonormalAfterAHundredThousandUpdates) {
+TEST(Manifolds, KeepTheirInvariantsThroughAHundredThousandUpdates) {
   Rot3d R;
   Pose3d T;
   Pose2d P;
+  Sim3d S;
+  UnitVector3d v;
+  Positived x;
+  double least = 1.0;
   for (int i = 0; i < 100000; ++i) {
     const double s = 0.1 + 1e-6 * i;
     R = R.plus({{s, -0.5 * s, 0.3}});
     T = T.plus({{s, -0.5 * s, 0.3, 0.1, 0.0, -0.1}});
     P = P.plus({{s, 0.1, -0.1}});
+    S = S.plus({{s, -0.5 * s, 0.3, 0.1, 0.0, -0.1, i % 1000 < 500 ? 0.9 : -0.91}});
+    v = v.plus({{s, -3.0 * s}});
+    x = x.plus({{i % 1000 < 500 ? 9.0 : -11.0}});
+    least = std::min({least, S.s, x.x});
   }
   EXPECT_LT(orthonormality_error(R.matrix()), 1e-10);
   EXPECT_LT(orthonormality_error(T.R.matrix()), 1e-10);
   EXPECT_NEAR(P.R.c * P.R.c + P.R.s * P.R.s, 1.0, 1e-10);
+  EXPECT_LT(orthonormality_error(S.R.matrix()), 1e-10);
+  EXPECT_NEAR(v.v.norm(), 1.0, 1e-14);
+  EXPECT_GT(least, 0.0);
+  EXPECT_TRUE(std::isfinite(S.s) && std::isfinite(x.x));
 }
 
 TEST(Rotations, ComeBackFromTheirMatrix) {
