@@ -9,6 +9,7 @@
 #include "apps/arguments.h"
 #include "apps/command.h"
 #include "apps/commands.h"
+#include "apps/landmark_option.h"
 #include "oriel/evaluate/nees.h"
 #include "oriel/testing/consistency.h"
 
@@ -21,7 +22,7 @@ struct NeesArguments {
   double seconds = 25.0, pixel_sigma = 1.0, start = 1.0;
   int tracks = 40, keyframes = 8;
   bool mono = false;
-  std::string landmarks = "point", json;
+  std::string landmarks = "by-cameras", json;
 };
 
 // One way of running: the tables of its quantities.
@@ -76,7 +77,7 @@ Result<NeesReport> simulate(const NeesArguments& a, bool first_estimates) {
   options.world.cameras.tracks = options.odometry.keyframes.expected_tracks = a.tracks;
   options.world.cameras.stereo = !a.mono;
   options.odometry.keyframes.max_keyframes = a.keyframes;
-  if (a.landmarks == "inverse_depth") options.odometry.visual.landmarks = LandmarkModel::inverse_depth;
+  options.odometry.visual.landmarks = landmark_model(a.landmarks);
   for (int k = 0; k < a.runs; ++k) {
     const auto run = consistency_run(options, a.seed + static_cast<std::uint64_t>(k));
     if (!run) return run.error();
@@ -155,8 +156,10 @@ void add_nees_command(CLI::App& app, int& exit_code) {
       ->check(number(0.01, 100));
   command->add_option("--tracks", a->tracks, "In view of each frame (40)")->check(whole_number(8, 10000));
   command->add_option("--keyframes", a->keyframes, "Of the window (8)")->check(whole_number(2, 100));
-  command->add_option("--landmarks", a->landmarks, "As the window has them (point)")
-      ->check(one_of({"point", "inverse_depth"}));
+  command
+      ->add_option("--landmarks", a->landmarks,
+                   "As the window has them (by-cameras: points of two cameras, inverse depths of one)")
+      ->check(one_of(kLandmarkModels));
   command->add_flag("--mono", a->mono, "The left camera alone");
   command->add_option("--json", a->json, "Report as one object; - is standard output");
   command->callback([a, &exit_code] { exit_code = run(*a); });

@@ -9,13 +9,14 @@
 #include "apps/arguments.h"
 #include "apps/command.h"
 #include "apps/commands.h"
+#include "apps/landmark_option.h"
 #include "apps/run_recording.h"
 
 namespace oriel::apps {
 namespace {
 
 struct RunArguments {
-  std::string recording, json, out, journal, landmarks = "inverse_depth";
+  std::string recording, json, out, journal, landmarks = "by-cameras";
 };
 
 Result<int> run_and_report(const RunArguments& a) {
@@ -25,7 +26,7 @@ Result<int> run_and_report(const RunArguments& a) {
   if (!recording) return recording.error();
   RunOptions options;
   options.journal = a.journal;
-  if (a.landmarks == "point") options.odometry.visual.landmarks = LandmarkModel::point;
+  options.odometry.visual.landmarks = landmark_model(a.landmarks);
   options.progress = ::isatty(STDERR_FILENO) == 1;
   const Result<RunReport> report = run_recording(*recording, options);
   if (!report) return report.error();
@@ -51,8 +52,10 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_option("RECORDING", a->recording, "Folder that `oriel import` made")->required();
   command->add_option("--json", a->json, "Report as one object; - is standard output");
   command->add_option("--out", a->out, "Trajectory to write (TUM): each pose as it was known at its own update");
-  command->add_option("--landmarks", a->landmarks, "As the window has them (inverse_depth)")
-      ->check(one_of({"inverse_depth", "point"}));
+  command
+      ->add_option("--landmarks", a->landmarks,
+                   "As the window has them (by-cameras: points of two cameras, inverse depths of one)")
+      ->check(one_of(kLandmarkModels));
   command->add_option("--journal", a->journal, "File for every edit and solve, for `oriel replay`");
   command->callback([a, &exit_code] { exit_code = run(*a); });
 }

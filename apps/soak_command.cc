@@ -11,6 +11,7 @@
 #include "apps/arguments.h"
 #include "apps/command.h"
 #include "apps/commands.h"
+#include "apps/landmark_option.h"
 #include "oriel/testing/allocation_counter.h"
 #include "oriel/testing/soak.h"
 
@@ -23,7 +24,7 @@ struct SoakArguments {
   double camera_rate = 10.0;
   int tracks = 100;
   bool mono = false, no_faults = false;
-  std::string landmarks = "inverse_depth", json;
+  std::string landmarks = "by-cameras", json;
 };
 
 // What of a run is no lasting: growth beyond these.
@@ -113,7 +114,7 @@ Result<int> soak_as_asked(const SoakArguments& a) {
   options.faults = !a.no_faults;
   options.odometry.keep_trajectory = false;
   options.odometry.keyframes.expected_tracks = a.tracks;
-  if (a.landmarks == "point") options.odometry.visual.landmarks = LandmarkModel::point;
+  options.odometry.visual.landmarks = landmark_model(a.landmarks);
   options.allocations = [] { return allocation_count(); };
   const auto report = soak(options, [&](const SoakReport& r) {
     std::fprintf(stderr, "\r%lld of %lld updates, p99.9 %.2f ms, %.0f MB  ", static_cast<long long>(r.updates),
@@ -146,8 +147,10 @@ void add_soak_command(CLI::App& app, int& exit_code) {
   command->add_option("--camera-rate", a->camera_rate, "Frames a second (10)")->check(number(1, 100));
   command->add_option("--tracks", a->tracks, "Features in a frame (100)")->check(whole_number(10, 5000));
   command->add_flag("--mono", a->mono, "One camera instead of two");
-  command->add_option("--landmarks", a->landmarks, "As the window has them (inverse_depth)")
-      ->check(one_of({"inverse_depth", "point"}));
+  command
+      ->add_option("--landmarks", a->landmarks,
+                   "As the window has them (by-cameras: points of two cameras, inverse depths of one)")
+      ->check(one_of(kLandmarkModels));
   command->add_flag("--no-faults", a->no_faults, "Nothing goes wrong");
   command->add_option("--json", a->json, "Report as one object; - is standard output");
   command->callback([a, &exit_code] { exit_code = run(*a); });

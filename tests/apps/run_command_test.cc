@@ -33,11 +33,34 @@ TEST_F(RunCommand, EstimatesTheWholeFlightAndReportsEveryKeyOfItsContract) {
   EXPECT_NEAR(judged["ate_m"].get<double>(), o["ate_m"].get<double>(), 1e-6);
 }
 
-TEST_F(RunCommand, TakesLandmarksAsPointsWhereItIsTold) {
-  const CommandResult r = oriel("run " + recording() + " --landmarks point --json -");
-  ASSERT_EQ(r.exit_code, 0) << r.err;
-  EXPECT_LE(r.json()["ate_m"].get<double>(), 0.05);
+TEST_F(RunCommand, TakesLandmarksAsItIsTold) {
+  const auto ate = [&](const std::string& landmarks) {
+    const CommandResult r = oriel("run " + path("recording") + landmarks + " --json -");
+    EXPECT_EQ(r.exit_code, 0) << r.err;
+    return r.json()["ate_m"].get<double>();
+  };
+  (void)recording();
+  EXPECT_LE(ate(" --landmarks inverse-depth"), 0.05);
+  EXPECT_LE(ate(" --landmarks point"), 0.04);
+  EXPECT_EQ(ate(""), ate(" --landmarks point"));
   EXPECT_EQ(oriel("run " + path("recording") + " --landmarks balloon").exit_code, 2);
+}
+
+// W17
+TEST_F(RunCommand, WarnsOfAWindowThatBeganAnewWithItsReason) {
+  ASSERT_EQ(oriel("simulate " + path("flight") +
+                  " --seconds 12 --camera-rate 10 --tracks 60 --fault dropout:imu:6:7 "
+                  "--fault outlier:camera:6:7:1")
+                .exit_code,
+            0);
+  const CommandResult r = oriel("run " + path("flight") + " --json -");
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  bool named = false;
+  for (const json& w : r.json()["warnings"])
+    named = named ||
+            w.get<std::string>().find("the window began anew: no IMU samples, and too little that is known in view") !=
+                std::string::npos;
+  EXPECT_TRUE(named) << r.json()["warnings"];
 }
 
 // L10

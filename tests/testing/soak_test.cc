@@ -31,6 +31,20 @@ TEST(Soak, EveryFaultIsSurvivedOrEndsInAResetThatSaysWhy) {  // W15, W17
   }
 }
 
+TEST(Soak, OneCameraSurvivesEveryFaultAndALongRestToo) {  // W15, W17
+  SoakOptions options;
+  options.updates = 2450;  // a cycle, and the first faults after its rest
+  options.seed = 2;
+  options.stereo = false;
+  options.odometry.keep_trajectory = false;
+  options.odometry.keyframes.expected_tracks = options.tracks;
+  const auto report = soak(options);
+  ASSERT_TRUE(report) << report.error();
+  ASSERT_GE(report->faults.size(), 14u);
+  for (const SoakFault& f : report->faults)
+    EXPECT_NE(f.outcome, SoakFault::Outcome::lost) << f.name << ": off by " << f.error_m << " m within a second";
+}
+
 TEST(Soak, GrowthIsOfTheLastSliceSinceTheFirstHadItsMemory) {
   SoakReport r;
   for (const double mb : {30.0, 31.0, 29.5, 33.0}) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <random>
 
 #include "simulated_flight.h"
 
@@ -84,6 +85,103 @@ TEST(InertialOdometry, FollowsAFlightWhereLandmarksArePoints) {
     EXPECT_EQ(feed.odometry.window().graph().count<InverseDepthd>(), 0u);
     EXPECT_GT(feed.odometry.window().graph().count<Point3d>(), 50u);
   }
+}
+
+TEST(InertialOdometry, HasPointsOfTwoCamerasAndInverseDepthsOfOne) {
+  const SimulatedFlight flight({.rest_s = 1.5, .duration_s = 4.0});
+  for (const bool stereo : {true, false}) {
+    Feed feed(flight, {}, stereo);
+    feed.all();
+    const Graph& g = feed.odometry.window().graph();
+    EXPECT_EQ(g.count<Point3d>() > 50u, stereo);
+    EXPECT_EQ(g.count<InverseDepthd>() > 50u, !stereo);
+  }
+}
+
+TEST(InertialOdometry, KeepsNoPoseBesidesTheWindowsWhereItIsToldTo) {
+  const SimulatedFlight flight({.rest_s = 1.2, .duration_s = 6.0});
+  OdometryOptions options;
+  options.keep_trajectory = false;
+  options.keyframes.max_keyframes = 5;
+  Feed kept(flight,
+            [&] {
+              OdometryOptions o = options;
+              o.keep_trajectory = true;
+              return o;
+            }()),
+      feed(flight, options);
+  kept.all();
+  feed.all();
+  EXPECT_GT(feed.odometry.left(), 0);
+  EXPECT_TRUE(feed.odometry.causal().poses().empty());
+  EXPECT_EQ(feed.odometry.final().poses().size(), feed.odometry.timeline().size());
+  EXPECT_GT(kept.odometry.causal().poses().size(), 40u);
+  EXPECT_EQ(feed.reports.back().values.T_world_body.t, kept.reports.back().values.T_world_body.t);
+}
+
+// Weights whose squares are numbers, but whose sum is none: every solve fails.
+TEST(InertialOdometry, BeginsAnewAndSaysWhyWhereSolvesFailOneAfterTheOther) {  // W15, W17
+  const SimulatedFlight flight({.duration_s = 3.0});
+  OdometryOptions options;
+  options.visual.pixel_sigma = 1e-154;
+  options.visual.loss = Loss{};
+  InertialOdometry odometry(flight.rig, true, flight.noise, options);
+  const Vec3d v = (flight.pose(1.001).t - flight.pose(0.999).t) / 0.002;
+  for (const ImuSample& s : flight.imu) ASSERT_TRUE(odometry.add_imu(s).ok());
+  const StartSigmas sigmas{Vec6d::constant(0.01), 0.1, 0.01, 0.1};
+  ASSERT_EQ(
+      odometry
+          .start_at({flight.frames[10].time, flight.frames[10].features}, {flight.pose(1.0), {v}, flight.bias}, sigmas)
+          .status,
+      Status::initialised);
+  for (std::size_t f = 11; f < 14; ++f) {
+    const UpdateReport r = odometry.update({flight.frames[f].time, flight.frames[f].features});
+    if (f < 13) {
+      EXPECT_EQ(r.status, Status::failed);
+      EXPECT_STREQ(r.reset, "");
+    } else {
+      EXPECT_NE(r.status, Status::tracking);
+      EXPECT_STREQ(r.reset, "so many solves have failed, one after the other");
+    }
+  }
+}
+
+// Without the gate by the IMU's prediction random features would drag the landmarks along.
+TEST(InertialOdometry, LeavesOutWhatIsFarFromTheImusPredictionWhereSightingsAgreeWithNoPose) {
+  SimulatedFlight flight({.rest_s = 1.5, .duration_s = 8.0});
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> u(0.0, 752.0), v(0.0, 480.0);
+  constexpr std::size_t kFirst = 50, kLast = 55;
+  for (std::size_t k = kFirst; k < kLast; ++k)
+    for (FeatureObservation& f : flight.frames[k].features)
+      f.pixel0 = {{u(random), v(random)}}, f.pixel1 = {{u(random), v(random)}};
+  Feed feed(flight);
+  for (std::size_t k = 0; k < kFirst; ++k) feed.reports.push_back(feed.frame(k));
+  const auto outliers = [&] { return feed.odometry.dropped()[static_cast<std::size_t>(DropReason::outlier)]; };
+  const std::int64_t before = outliers();
+  feed.reports.push_back(feed.frame(kFirst));
+  EXPECT_GT(outliers() - before, static_cast<std::int64_t>(flight.frames[kFirst].features.size()) / 2);
+  EXPECT_GT(feed.reports[kFirst].landmarks, feed.reports[kFirst - 1].landmarks / 2);
+  for (std::size_t k = kFirst + 1; k < flight.frames.size(); ++k) feed.reports.push_back(feed.frame(k));
+  for (const UpdateReport& r : feed.reports) EXPECT_STREQ(r.reset, "");
+  EXPECT_LT(worst_error(flight, feed.odometry.causal()), 0.05);
+}
+
+// A tenth of a second in which the IMU reads what it cannot have measured.
+TEST(InertialOdometry, AnImuLinkThatContradictsTheCamerasWeighsLess) {
+  SimulatedFlight flight({.rest_s = 1.5, .duration_s = 8.0});
+  for (ImuSample& s : flight.imu)
+    if (s.time > SimulatedFlight::time_of(5.01) && s.time < SimulatedFlight::time_of(5.09)) s.accel = s.accel * -3.0;
+  double worst[2];
+  for (const bool robust : {false, true}) {
+    OdometryOptions options;
+    if (!robust) options.inertial.loss = Loss{};
+    Feed feed(flight, options);
+    feed.all();
+    worst[robust] = worst_error(flight, feed.odometry.causal());
+  }
+  EXPECT_LT(worst[1], 0.05);
+  EXPECT_LT(worst[1], 0.7 * worst[0]);
 }
 
 TEST(InertialOdometry, StartsWhereItIsToldWithThatUncertainty) {

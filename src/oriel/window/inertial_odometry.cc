@@ -120,6 +120,8 @@ bool InertialOdometry::add_frame(const StereoFrame& frame, const InertialValues*
     map_.forget(frame.time);
     return false;
   }
+  std::optional<InertialState> at_rest;
+  if (given == nullptr && from_keyframe->missing.ns == 0) at_rest = at_rest_since(frame.time, predicted);
   GraphEdit& edit = window_.edit();
   if (!latest.keyframe) give_way(edit);
   const InertialState state{frame.time, edit.add(predicted.T_world_body), edit.add(predicted.velocity),
@@ -128,8 +130,9 @@ bool InertialOdometry::add_frame(const StereoFrame& frame, const InertialValues*
   edit.add(ImuResiduald{from_keyframe->integral.motion, {{0.0, 0.0, -options_.inertial.gravity}}},
            imu_noise(from_keyframe->integral), options_.inertial.loss, keyframe.pose, keyframe.velocity, keyframe.bias,
            state.pose, state.velocity, state.bias);
+  if (at_rest) hold(edit, *at_rest, state);
   for (const std::uint32_t place : seen_) map_.track(place).sightings.back().pose = state.pose;
-  add_sightings(edit);
+  add_sightings(edit, at_rest.has_value());
   return window_.commit().ok();
 }
 
@@ -179,13 +182,13 @@ void InertialOdometry::give_way(GraphEdit& edit) {
   timeline_.remove(state.time);
 }
 
-void InertialOdometry::add_sightings(GraphEdit& edit) {
+void InertialOdometry::add_sightings(GraphEdit& edit, bool at_rest) {
   for (const std::uint32_t place : seen_) {
     Track& t = map_.track(place);
     if (t.has_landmark)
       builder_.extend(edit, t);
     else
-      builder_.start(edit, t);
+      builder_.start(edit, t, at_rest);
   }
 }
 
@@ -283,7 +286,7 @@ void InertialOdometry::slide() {
     close_tracks(oldest.time);
     timeline_.remove(oldest.time);
   }
-  imu_.forget_before(timeline_.latest()->time);
+  imu_.forget_before(timeline_.latest()->time - options_.rest.span);
 }
 
 // What is anchored at the oldest state was used up with it.

@@ -111,10 +111,13 @@ class InertialOdometry {
   InertialValues predict(const InertialState& from, const PreintegratedImud& motion) const;
   bool refine_prediction(InertialValues& predicted, bool imu_covers);
   void give_way(GraphEdit& edit);
-  void add_sightings(GraphEdit& edit);
+  void add_sightings(GraphEdit& edit, bool at_rest);
   bool solve_and_gate(int iterations, UpdateReport& report);
   int gate();
   bool is_keyframe(const InertialState& state) const;
+  std::optional<InertialState> at_rest_since(Time time, const InertialValues& predicted) const;
+  void hold(GraphEdit& edit, const InertialState& before, const InertialState& state) const;
+  double median_motion_since(Time earlier) const;
   void slide();
   void close_tracks(Time oldest);
   void drop(DropReason reason, std::int64_t n = 1) { dropped_[static_cast<std::size_t>(reason)] += n; }

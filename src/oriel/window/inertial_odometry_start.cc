@@ -17,6 +17,12 @@ ImuNoise scaled(ImuNoise n, const InertialOptions& o) {
   return n;
 }
 
+OdometryOptions chosen(OdometryOptions options, bool stereo) {
+  LandmarkModel& landmarks = options.visual.landmarks;
+  if (landmarks == LandmarkModel::by_cameras) landmarks = stereo ? LandmarkModel::point : LandmarkModel::inverse_depth;
+  return options;
+}
+
 constexpr std::size_t kTracks = 4096, kPoses = 8192, kSamples = 8192;  // room for, before memory is asked for again
 
 // What puts `from` where `to` is by a shift and a turn about z: the turn that brings its axes nearest to those of `to`.
@@ -30,12 +36,12 @@ Pose3d level_motion(const Pose3d& from, const Pose3d& to) {
 
 InertialOdometry::InertialOdometry(const StereoRigd& rig, bool stereo, const ImuNoise& noise,
                                    const OdometryOptions& options)
-    : options_(options),
+    : options_(chosen(options, stereo)),
       noise_(scaled(noise, options.inertial)),
       rig_(rig),
       map_(rig, stereo),
-      builder_(options.visual, rig),
-      initialiser_(rig, stereo, noise_, options) {
+      builder_(options_.visual, rig),
+      initialiser_(rig, stereo, noise_, options_) {
   const std::size_t states = static_cast<std::size_t>(options.keyframes.max_keyframes) + 2;
   timeline_.reserve(states);
   map_.reserve(kTracks, states);
@@ -50,7 +56,7 @@ InertialOdometry::InertialOdometry(const StereoRigd& rig, bool stereo, const Imu
   pose_work_.pairs.reserve(kTracks);
   builder_.reserve(states);
   const int with_holes = static_cast<int>(states) * 4 / 3 + 2;  // a pool closes its holes when they are a fourth
-  (void)rehearse(window_, rig, {with_holes, options.keyframes.expected_tracks, options.visual.landmarks});
+  (void)rehearse(window_, rig, {with_holes, options.keyframes.expected_tracks, options_.visual.landmarks});
 }
 
 UpdateReport InertialOdometry::initialise(const StereoFrame& frame) {

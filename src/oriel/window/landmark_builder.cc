@@ -28,16 +28,20 @@ Vec2d point_errors(const Pose3d& body, const Point3d& point, const StereoRigd& r
 
 }  // namespace
 
-bool LandmarkBuilder::start(GraphEdit& edit, Track& track) {
+bool LandmarkBuilder::start(GraphEdit& edit, Track& track, bool at_rest) {
   if (track.sightings.size() < 2) return false;
   rays_.clear();
   poses_.clear();
+  bool stereo = false;
   for (const Sighting& s : track.sightings) {
     const Pose3d& pose = poses_.emplace_back(edit.value(s.pose));
     rays_.push_back(ray_of(pose, rig_.cameras[0], s.bearing));
     if (s.has_right) rays_.push_back(ray_of(pose, rig_.cameras[1], s.bearing1));
+    stereo = stereo || s.has_right;
   }
-  const std::optional<Vec3d> p_world = triangulate(rays_, options_.least_parallax);
+  if (at_rest && !stereo) return false;
+  const std::optional<Vec3d> p_world =
+      triangulate(rays_, stereo ? options_.least_parallax : options_.least_mono_parallax);
   if (!p_world) return false;
   const double depth = in_camera(poses_[0], rig_.cameras[0], *p_world)[2];
   if (!(depth >= options_.least_depth && depth <= options_.greatest_depth)) return false;

@@ -21,8 +21,9 @@ class LandmarkBuilder {
 
   // A factor for the newest sighting of a track with a landmark.
   void extend(GraphEdit& edit, Track& track) const { add_factor(edit, track, track.sightings.back()); }
-  // A landmark and the factors of all sightings; false while that is not possible.
-  bool start(GraphEdit& edit, Track& track);
+  // A landmark and the factors of all sightings; false while that is not possible. At rest one camera sees no parallax
+  // but its noise's.
+  bool start(GraphEdit& edit, Track& track, bool at_rest);
   // The landmark leaves, and its factors with it; the sightings stay.
   void remove(GraphEdit& edit, Track& track) const;
 

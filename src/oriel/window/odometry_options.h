@@ -3,6 +3,7 @@
 #include "oriel/base/time.h"
 #include "oriel/residual/loss.h"
 #include "oriel/solve/options.h"
+#include "oriel/window/standstill_hook.h"
 
 namespace oriel {
 
@@ -15,22 +16,23 @@ struct KeyframeOptions {
   int expected_tracks = 300;         // in a frame: more are welcome, but may ask for memory in an update
 };
 
-// What a landmark is in the graph. An inverse depth along the bearing of its first sighting is one scalar, which is
-// fast; it takes that bearing for exact, and the window claims to know more than it does (docs/estimator.md has the
-// figures). A point has three, for which every sighting is a measurement with its noise: the covariances are honest. A
-// point that one camera sees with little parallax has no depth to speak of: the solve names it, for which it asks for
-// memory.
-enum class LandmarkModel { inverse_depth, point };
+// What a landmark is in the graph. An inverse depth along the bearing of its first sighting is one scalar; it takes
+// that bearing for exact, and the window claims to know more than it does (docs/estimator.md has the figures). A point
+// has three, for which every sighting is a measurement with its noise: the covariances are honest. A point that one
+// camera sees with little parallax has no depth to speak of and is far from linear: by_cameras is points where there
+// are two and inverse depths where there is one (docs/decisions/0015-landmarks.md).
+enum class LandmarkModel { by_cameras, inverse_depth, point };
 
 struct VisualOptions {
-  LandmarkModel landmarks = LandmarkModel::inverse_depth;
+  LandmarkModel landmarks = LandmarkModel::by_cameras;
   double pixel_sigma = 1.0;  // of a coordinate [px]
   Loss loss = Cauchy(2.0);   // scale in sigmas of one camera's coordinates
   double gate = 5.0;         // a sighting whose error in either camera is longer is taken out after the solve [px]
   double match_gate = 15.0;  // a sighting of a known point further off is no match, where the frame's pose is sure [px]
   double start_gate = 30.0;  // a landmark does not start while a sighting is further off [px]
   double least_depth = 0.2, greatest_depth = 150.0;  // [m]
-  double least_parallax = 0.003;                     // of a landmark's rays [rad]
+  double least_parallax = 0.003;                     // of a landmark's rays [rad],
+  double least_mono_parallax = 0.012;                // where one camera alone saw it [rad]
   double refine_above = 4.0;  // median error of a predicted pose above which it is refined before the solve [px]
 };
 
@@ -63,6 +65,8 @@ struct OdometryOptions {
   VisualOptions visual;
   InertialOptions inertial;
   InitialisationOptions initialisation;
+  // At rest: tracks since the last keyframe that is `span` old or older move by their noise alone, twice. [px] [m/s]
+  StandstillOptions rest = {.pixels = 3.0, .velocity_sigma = 0.02, .rotation_sigma = 0.01, .translation_sigma = 0.01};
   int max_iterations = 12;           // of an update
   double function_tolerance = 1e-4;  // relative decrease of cost that ends an update
   int most_missed_frames = 3;        // without IMU samples, before the window starts anew

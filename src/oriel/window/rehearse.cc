@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "oriel/residual/between.h"
 #include "oriel/residual/imu_residual.h"
 #include "oriel/residual/prior.h"
 #include "oriel/residual/reprojection.h"
@@ -28,6 +29,7 @@ struct Scene {
   int priors = 0;      // on variables of the first state, which is held where there are none
   bool dense = false;  // all landmarks in view of all states; else most in view of two
   bool stereo = true;  // both cameras, and the left one alone besides
+  bool rest = false;   // each state is held
 };
 
 class Rehearsal {
@@ -36,10 +38,11 @@ class Rehearsal {
       : window_(window), rig_(rig), size_(size) {}
 
   // Which tables there are decides which place in the engine's memory each has, so that the window is built with the
-  // priors of a start at rest, of one in motion, and of a window whose first state has left, then for one camera.
+  // priors of a start at rest, of one in motion, and of a window whose first state has left, then for one camera; and
+  // with a body that stands still.
   bool operator()() {
-    for (const Scene& scene :
-         {Scene{3, false, true}, Scene{2, false, true}, Scene{0, true, true}, Scene{0, true, false}}) {
+    for (const Scene& scene : {Scene{3, false, true}, Scene{2, false, true}, Scene{0, true, true},
+                               Scene{0, true, false}, Scene{3, false, true, true}, Scene{0, true, true, true}}) {
       build(scene);
       if (!(commit() && solve() && gate() && solve())) return false;
       if (scene.priors == 3 && !(slide(SquareRootMethod::schur) && solve() && slide(SquareRootMethod::schur) &&
@@ -87,6 +90,8 @@ class Rehearsal {
       const State& before = states_.back();
       edit.add(ImuResiduald{motion.result().motion, kStandardGravity}, imu_noise(motion.result()),
                InertialOptions{}.loss, before.pose, before.velocity, before.bias, s.pose, s.velocity, s.bias);
+      if (scene_.rest) edit.add(Prior{Velocity3d{}}, Sigma(0.01), s.velocity);
+      if (scene_.rest) edit.add(Between{Pose3d{}}, Sigmas(Vec6d::constant(0.01)), before.pose, s.pose);
     }
     states_.push_back(s);
   }

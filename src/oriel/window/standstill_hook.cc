@@ -15,7 +15,10 @@ InsertionHook::Verdict StandstillHook::inserted(const Graph& graph, const States
   if (std::find(group.new_variables.begin(), group.new_variables.end(), velocity) == group.new_variables.end())
     return {};  // not new: judged when it came
   if (!(graph.value(ImuProvider::velocity(*newest)).v.norm() <= options_.speed)) return {};
-  if (!imu_is_still(newest->time, graph.value(ImuProvider::bias(*newest)))) return {};
+  const Time since = newest->time - options_.span;
+  if (!imu_->covers(since, newest->time)) return {};
+  const auto samples = imu_->samples().between(since, newest->time);
+  if (!are_still(samples, graph.value(ImuProvider::bias(*newest)), options_)) return {};
   if (tracks_) {
     const double moved = tracks_(before->time, newest->time);
     if (!(moved >= 0.0 && moved <= options_.pixels)) return {};
@@ -28,17 +31,15 @@ InsertionHook::Verdict StandstillHook::inserted(const Graph& graph, const States
   return {};
 }
 
-bool StandstillHook::imu_is_still(Time until, const ImuBiasd& bias) const {
-  const Time from = until - options_.span;
-  if (!imu_->covers(from, until)) return false;
-  const auto samples = imu_->samples().between(from, until);
+bool StandstillHook::are_still(std::span<const ImuSample> samples, const ImuBiasd& bias,
+                               const StandstillOptions& options) {
   Vec3d gyro = Vec3d::zero(), accel = Vec3d::zero();
   for (const ImuSample& s : samples) gyro += s.gyro, accel += s.accel;
   gyro *= 1.0 / static_cast<double>(samples.size());
   accel *= 1.0 / static_cast<double>(samples.size());
-  if (!((gyro - bias.gyro).norm() <= options_.turn)) return false;
+  if (!((gyro - bias.gyro).norm() <= options.turn)) return false;
   for (const ImuSample& s : samples)
-    if (!((s.gyro - gyro).norm() <= options_.gyro && (s.accel - accel).norm() <= options_.accel)) return false;
+    if (!((s.gyro - gyro).norm() <= options.gyro && (s.accel - accel).norm() <= options.accel)) return false;
   return true;
 }
 

@@ -35,9 +35,10 @@ class StandstillHook final : public InsertionHook {
   Verdict inserted(const Graph& graph, const States& states, const InsertedGroup& group, GraphEdit& edit) override;
   std::int64_t count() const { return count_; }  // states that got its factors so far
 
- private:
-  bool imu_is_still(Time until, const ImuBiasd& bias) const;
+  // Samples that do not differ from their mean, which is no rotation.
+  static bool are_still(std::span<const ImuSample> samples, const ImuBiasd& bias, const StandstillOptions& options);
 
+ private:
   ProviderId provider_;
   const ImuProvider* imu_;
   StandstillOptions options_;
