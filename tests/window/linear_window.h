@@ -1,6 +1,8 @@
 // A sliding window in the linear world: measurements go in by a builder, and what the window says is compared with
 // dense least squares over all that it has taken.
 #pragma once
+#include <gtest/gtest.h>
+
 #include <optional>
 #include <random>
 #include <unordered_map>

@@ -75,6 +75,7 @@ class Increments {
   bool covers(Time from, Time to) const {
     return !stamps_.empty() && stamps_.front().time <= from && to <= stamps_.back().time;
   }
+  Time first() const { return stamps_.front().time; }
   Time last() const { return stamps_.back().time; }
   Vec<double, D> between(Time from, Time to) const {
     Vec<double, D> sum = Vec<double, D>::zero();

@@ -1,43 +1,37 @@
 // A window as a mathematician would keep it: states and landmarks by what they are, a list of rows, dense priors in
 // square-root form. It shares no code with the library's window, and is what that is compared with after any operation.
 #pragma once
-#include <Eigen/Dense>
-#include <algorithm>
-#include <map>
 #include <optional>
-#include <set>
 #include <string>
-#include <vector>
 
 #include "linear_window.h"
+#include "model_ledger.h"
 
 namespace oriel::linear_world {
 
 class WindowModel {
  public:
-  struct Row {
-    std::vector<DenseTruth::Term> terms;
-    Eigen::VectorXd z;
-    double sigma = 1.0;
-    FactorId factor;  // in the window; of a first state's prior none
-  };
+  using Row = ModelRow;
+  using Prior = ModelPrior;
   struct Node {
     bool severed = false;
   };
   using Chain = std::map<Time, Node>;
   using Values = std::map<Unknown, Eigen::VectorXd>;
-  struct Prior {  // d = R x
-    std::vector<Unknown> of;
-    Eigen::MatrixXd R;
-    Eigen::VectorXd d;
-    bool names(const Unknown& u) const { return std::find(of.begin(), of.end(), u) != of.end(); }
-  };
 
   Chain chains[2];  // positions, levels
   Increments<2> moved;
   Increments<4> levelled;
   std::set<int> landmarks;
-  std::string wrong;  // what the window did that it may not do
+  bool faint = false;  // something was dropped of which a prior knew next to nothing
+  std::string wrong;   // what the window did that it may not do
+
+  // ---- of late groups ----
+  bool remembers = false;
+  ModelLedger ledger;
+  std::set<Time> left[2];  // states that left, by chain, or came into the ledger alone
+  Time horizons[2] = {States::kNever, States::kNever};
+  std::vector<Time> made;  // states of the last late group, in the ledger alone
 
   static std::vector<Unknown> unknowns(int chain, Time t) {
     if (chain == 0) return {{What::position, t.ns}};
@@ -47,18 +41,25 @@ class WindowModel {
   // ---- what happens ----
   void enter(const MeasuredGroup& group, const std::vector<FactorId>& factors) {
     std::set<std::pair<Time, int>> named;  // in the order of time
+    bool late = false;
     for (const Measured& m : group) {
       if (m.bad) wrong = "a NaN entered";
-      for (const auto& [chain, time] : times(m)) named.emplace(time, chain);
+      for (const auto& [chain, time] : times(m)) {
+        if (is_dead(chain, time))
+          late = true;
+        else
+          named.emplace(time, chain);
+      }
     }
     for (const auto& [time, chain] : named) add_state(chain, time);
-    for (std::size_t k = 0; k < group.size(); ++k) {
+    for (std::size_t k = 0; !late && k < group.size(); ++k) {
       Row row = row_of(group[k]);
       row.factor = factors[k];
       for (const auto& t : row.terms)
         if (t.of.what == What::landmark) landmarks.insert(static_cast<int>(t.of.number));
       rows_.push_back(std::move(row));
     }
+    if (late) enter_late(group);
   }
   void add_state(int chain, Time time) {
     Chain& line = chains[chain];
@@ -81,13 +82,15 @@ class WindowModel {
   }
   // A landmark or state leaves with its rows; each prior keeps what it alone says of others.
   void remove(const Unknown& u) {
-    std::erase_if(rows_, [&](const Row& r) { return touches(r, u); });
+    std::erase_if(rows_, [&](const Row& r) { return r.touches(u); });
     if (u.what == What::landmark) landmarks.erase(static_cast<int>(u.number));
+    ledger.disown(u);
     for (std::size_t k = priors_.size(); k-- > 0;) {
       if (!priors_[k].names(u)) continue;
-      const Prior whole = std::move(priors_[k]);
+      Prior whole = std::move(priors_[k]);
+      forget_rounding(whole, u);
       priors_.erase(priors_.begin() + static_cast<std::ptrdiff_t>(k));
-      keep(eliminated({u}, {}, {whole}));
+      keep(algebra::eliminated({u}, {}, {whole}), {}, {whole});
     }
   }
   void remove_state(int chain, Time time) {
@@ -97,58 +100,109 @@ class WindowModel {
     const auto next = line.erase(line.find(time));
     if (next != line.end()) next->second.severed |= severed;
   }
-  // States of both kinds, and landmarks that they alone have seen, leave; what they knew stays.
-  void marginalize(const std::vector<std::pair<int, Time>>& states, const std::vector<int>& gone_landmarks) {
+  // What a slide has to say of landmarks that leaving states see, as these leave by policy.
+  struct Landmarks {
+    int leaving = 0, kept = 0, closed = 0, dropped = 0, lost_rows = 0;
+    std::set<int> gone;
+  };
+  // States of both kinds leave, and with them landmarks; what they knew stays.
+  Landmarks marginalize(const std::vector<std::pair<int, Time>>& states, LandmarkPolicy policy) {
     std::set<Unknown> leaving;
-    for (const auto& [chain, time] : states)
+    Time newest = States::kNever;
+    for (const auto& [chain, time] : states) {
       for (const Unknown& u : unknowns(chain, time)) leaving.insert(u);
-    for (const int l : gone_landmarks) leaving.insert({What::landmark, l});
-    std::vector<Row> absorbed;
-    for (const Row& r : all_rows())
-      if (std::any_of(leaving.begin(), leaving.end(), [&](const Unknown& u) { return touches(r, u); })) {
-        absorbed.push_back(r);
-        for (const auto& t : r.terms)
-          if (r.terms.size() > 1 && leaving.count(t.of) == 0 && names_landmark(r, gone_landmarks))
-            wrong = "a landmark left that a staying state sees";
-      }
-    std::erase_if(rows_, [&](const Row& r) {
-      return std::any_of(leaving.begin(), leaving.end(), [&](const Unknown& u) { return touches(r, u); });
-    });
+      newest = std::max(newest, time);
+    }
+    const Landmarks by_policy = judge_landmarks(leaving, policy);
+    for (const int l : by_policy.gone) leaving.insert({What::landmark, l});
+    eliminate(leaving, remembers ? &newest : nullptr);
     for (const auto& [chain, time] : states) {
       const auto next = chains[chain].erase(chains[chain].find(time));
       if (next != chains[chain].end()) next->second.severed = true;
+      if (remembers) left[chain].insert(time);
     }
-    for (const int l : gone_landmarks) landmarks.erase(l);
-    std::vector<Prior> used;
-    std::erase_if(priors_, [&](const Prior& p) {
-      const bool touched = std::any_of(leaving.begin(), leaving.end(), [&](const Unknown& u) { return p.names(u); });
-      if (touched) used.push_back(p);
-      return touched;
-    });
-    for (const Part& part : parts(absorbed, used)) {
-      std::set<Unknown> gone;
-      for (const Unknown& u : leaving)
-        if (part.of.count(u) > 0) gone.insert(u);
-      keep(eliminated(gone, part.rows, part.priors));
-    }
+    for (const int l : by_policy.gone) landmarks.erase(l);
+    return by_policy;
+  }
+  // The user's own: the landmark leaves, and nobody remembers what it is given the others.
+  void marginalize_landmark(int l) {
+    eliminate({{What::landmark, l}}, nullptr);
+    landmarks.erase(l);
+  }
+  // A factor leaves and joins that prior; where there is none, it becomes one.
+  void absorb(FactorId id, std::optional<std::size_t> host) {
+    std::vector<Row> rows;
+    for (const Row& r : rows_)
+      if (r.factor == id) rows.push_back(r);
+    remove_factor(id);
+    absorb(rows, host);
+  }
+  void absorb_motion(int chain, Time to, std::optional<std::size_t> host) {
+    const auto b = chains[chain].find(to);
+    absorb(motion(chain, std::prev(b)->first, to), host);
+    b->second.severed = true;
+  }
+  // What is too old in the ledger goes.
+  void forget(std::size_t capacity, Duration horizon, const std::function<bool(const Unknown&)>& is_gone) {
+    ledger.forget(capacity, horizon, is_gone);
+    for (int c = 0; c < 2; ++c)
+      while (!left[c].empty() && !holds_any(c, *left[c].begin())) left[c].erase(left[c].begin());
   }
   void begin_anew() {
     for (Chain& c : chains) c.clear();
     rows_.clear();
     landmarks.clear();
     priors_.clear();
+    ledger.clear();
+    for (auto& times : left) times.clear();
   }
 
   // ---- what is known ----
-  // Rows of no landmark but that one, and of states of a set, are all that a landmark has.
-  bool sees_alone(int landmark, const Unknown& state) const {
-    for (const Row& r : rows_)
-      if (touches(r, {What::landmark, landmark}))
-        for (const auto& t : r.terms)
-          if (t.of.what != What::landmark && !(t.of == state)) return false;
-    return std::none_of(priors_.begin(), priors_.end(), [&](const Prior& p) {
-      return p.names({What::landmark, landmark});
+  // Whether a prior knows so little of it that what is left without it hangs on how much of that little is rounding:
+  // what is not known at all takes nothing along when it is removed, and what is known ever so faintly does.
+  bool is_faint(const Unknown& u) const {
+    return std::any_of(priors_.begin(), priors_.end(), [&](const Prior& p) {
+      if (!p.names(u)) return false;
+      const double all = p.R.cwiseAbs().maxCoeff();
+      const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(p.columns(u));
+      const Eigen::VectorXd s = qr.matrixR().diagonal().cwiseAbs();
+      return (s.array() > kRounding * all && s.array() < kFaint * all).any();
     });
+  }
+  bool lives(const Unknown& u) const {
+    if (u.what == What::landmark) return landmarks.count(static_cast<int>(u.number)) > 0;
+    return chains[u.what == What::position ? 0 : 1].count({u.number}) > 0;
+  }
+  // Whether the window cannot have a state there any more: it was there, or would come before or between others.
+  bool is_dead(int chain, Time time) const {
+    const Chain& line = chains[chain];
+    if (line.empty()) return time < horizons[chain];
+    const auto after = line.lower_bound(time);
+    if (after == line.end() || after->first == time) return false;
+    return after == line.begin() ? time < horizons[chain] : after->second.severed;
+  }
+  // The nearest states, be they there or remembered, of a time that never had one.
+  std::optional<std::pair<Time, Time>> neighbours(int chain, Time time) const {
+    std::set<Time> all = left[chain];
+    for (const auto& [t, node] : chains[chain]) all.insert(t);
+    const auto b = all.upper_bound(time);
+    if (b == all.begin() || b == all.end()) return {};
+    return std::pair(*std::prev(b), *b);
+  }
+  bool was_there(int chain, Time time) const { return left[chain].count(time) > 0; }
+  bool is_cut(int chain, Time time) const {
+    return ledger.is_cut(unknowns(chain, time), [this](const Unknown& u) { return lives(u); });
+  }
+  // Whether all that rows and priors tie to a landmark is of these.
+  bool sees_alone(int landmark, const std::set<Unknown>& states) const {
+    const Unknown l{What::landmark, landmark};
+    auto strange = [&](const Unknown& u) { return u != l && states.count(u) == 0; };
+    for (const Row& r : rows_)
+      if (r.touches(l))
+        for (const auto& t : r.terms)
+          if (strange(t.of)) return false;
+    return std::none_of(priors_.begin(), priors_.end(),
+                        [&](const Prior& p) { return p.names(l) && std::any_of(p.of.begin(), p.of.end(), strange); });
   }
   const std::vector<Row>& rows() const { return rows_; }
   const std::vector<Prior>& priors() const { return priors_; }
@@ -164,34 +218,16 @@ class WindowModel {
       for (const auto& t : r.terms) place(t.of);
     for (const Prior& p : priors_)
       for (const Unknown& u : p.of) place(u);
-    const auto [A, b] = stack(rows, priors_, at, n);
+    const auto [A, b] = algebra::stack(rows, priors_, at, n);
     Values out;
     if (n == 0) return out;
     Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A.rows(), A.cols());
-    qr.setThreshold(kNegligible).compute(A);
+    qr.setThreshold(algebra::kNegligible).compute(A);
     const Eigen::VectorXd x = qr.solve(b);
-    const Eigen::MatrixXd N = null_space(qr);
+    const Eigen::MatrixXd N = algebra::null_space(qr);
     for (const auto& [u, first] : at)
       if (N.middleRows(first, u.dim()).isZero(1e-9)) out[u] = x.segment(first, u.dim());
     return out;
-  }
-  // Of the information of all of some priors, H = RᵀR and g = Rᵀd, from that of others: the largest of any scalar,
-  // beside the largest there is.
-  static double difference(const std::vector<Prior>& some, const std::vector<Prior>& others) {
-    std::map<Unknown, int> at;
-    int n = 0;
-    for (const auto* priors : {&some, &others})
-      for (const Prior& p : *priors)
-        for (const Unknown& u : p.of)
-          if (at.emplace(u, n).second) n += u.dim();
-    if (n == 0) return 0.0;
-    const auto [A, a] = stack({}, some, at, n);
-    const auto [B, b] = stack({}, others, at, n);
-    const Eigen::MatrixXd H = A.transpose() * A;
-    const Eigen::VectorXd g = A.transpose() * a;
-    const double by_matrix = (B.transpose() * B - H).cwiseAbs().maxCoeff() / (1.0 + H.cwiseAbs().maxCoeff());
-    const double by_vector = (B.transpose() * b - g).cwiseAbs().maxCoeff() / (1.0 + g.cwiseAbs().maxCoeff());
-    return std::max(by_matrix, by_vector);
   }
   static std::vector<std::pair<int, Time>> times(const Measured& m) {
     using Kind = Measured::Kind;
@@ -228,137 +264,129 @@ class WindowModel {
   }
 
  private:
-  static bool touches(const Row& r, const Unknown& u) {
-    return std::any_of(r.terms.begin(), r.terms.end(), [&](const auto& t) { return t.of == u; });
+  static constexpr double kRounding = 1e-15, kFaint = 1e-7;  // beside the largest number of a prior
+  static void forget_rounding(Prior& p, const Unknown& u) {
+    const double least = kRounding * p.R.cwiseAbs().maxCoeff();
+    auto columns = p.columns(u);
+    columns = (columns.array().abs() > least).select(columns, 0.0).eval();
   }
-  static bool names_landmark(const Row& r, const std::vector<int>& some) {
-    return std::any_of(some.begin(), some.end(), [&](int l) { return touches(r, {What::landmark, l}); });
-  }
-  void keep(Prior prior) {
+  // Without the columns in which there is nothing but rounding, beside what it was made of.
+  void keep(Prior prior, const std::vector<Row>& rows, const std::vector<Prior>& priors) {
+    double scale = 0.0;
+    for (const Row& r : rows) scale = std::max(scale, 1.0 / r.sigma);
+    for (const Prior& p : priors) scale = std::max(scale, p.R.cwiseAbs().maxCoeff());
+    algebra::prune(prior.of, prior.R, 0, 1e-13 * scale);
     if (!prior.of.empty() && prior.d.size() > 0) priors_.push_back(std::move(prior));
   }
-  // What leaves together and shares no unknown makes priors apart (M11). Later that matters: of priors that know a
-  // variable which is removed, each keeps what it alone says of others (V6), and not what only all of them together
-  // would.
-  struct Part {
-    std::set<Unknown> of;
-    std::vector<Row> rows;
-    std::vector<Prior> priors;
-  };
-  static std::vector<Part> parts(const std::vector<Row>& rows, const std::vector<Prior>& priors) {
-    std::vector<Part> all;
-    for (const Row& r : rows) {
-      Part alone;
-      for (const auto& t : r.terms) alone.of.insert(t.of);
-      alone.rows.push_back(r);
-      join(all, std::move(alone));
+  Landmarks judge_landmarks(const std::set<Unknown>& leaving, LandmarkPolicy policy) {
+    Landmarks out;
+    for (const int l : landmarks) {
+      const Unknown u{What::landmark, l};
+      if (std::none_of(rows_.begin(), rows_.end(),
+                       [&](const Row& r) { return r.touches(u) && r.touches_any(leaving); }))
+        continue;
+      const bool alone = sees_alone(l, leaving);
+      const bool keep = !alone && policy == LandmarkPolicy::keep, drop = !alone && policy == LandmarkPolicy::drop;
+      out.leaving += alone, out.kept += keep, out.dropped += drop, out.closed += !alone && !keep && !drop;
+      if (!keep) out.gone.insert(l);
+      faint = faint || (drop && is_faint(u));
+      if (drop) out.lost_rows += static_cast<int>(std::erase_if(rows_, [&](const Row& r) { return r.touches(u); }));
     }
-    for (const Prior& p : priors) join(all, {{p.of.begin(), p.of.end()}, {}, {p}});
-    return all;
+    return out;
   }
-  static void join(std::vector<Part>& all, Part whole) {
-    for (std::size_t k = all.size(); k-- > 0;) {
-      const Part& p = all[k];
-      if (std::none_of(p.of.begin(), p.of.end(), [&](const Unknown& u) { return whole.of.count(u) > 0; })) continue;
-      whole.of.insert(p.of.begin(), p.of.end());
-      whole.rows.insert(whole.rows.end(), p.rows.begin(), p.rows.end());
-      whole.priors.insert(whole.priors.end(), p.priors.begin(), p.priors.end());
-      all.erase(all.begin() + static_cast<std::ptrdiff_t>(k));
+  // Unknowns leave with the rows and priors that touch them. With a stamp, what they are given the others is kept.
+  void eliminate(const std::set<Unknown>& leaving, const Time* stamp) {
+    std::vector<Row> absorbed;
+    for (const Row& r : all_rows())
+      if (r.touches_any(leaving)) absorbed.push_back(r);
+    std::erase_if(rows_, [&](const Row& r) { return r.touches_any(leaving); });
+    std::vector<Prior> used;
+    std::erase_if(priors_, [&](const Prior& p) {
+      if (p.names_any(leaving)) used.push_back(p);
+      return p.names_any(leaving);
+    });
+    for (const algebra::Part& part : algebra::parts(absorbed, used)) {
+      std::set<Unknown> gone;
+      for (const Unknown& u : leaving)
+        if (part.of.count(u) > 0) gone.insert(u);
+      if (stamp != nullptr) remember(part, gone, *stamp);
+      keep(algebra::eliminated(gone, part.rows, part.priors), part.rows, part.priors);
     }
-    all.push_back(std::move(whole));
   }
-  static constexpr double kNegligible = 1e-11;  // of a pivot, beside the largest
-  // Its columns: A P = Q [R S; 0 0], so that A P [-R⁻¹ S; I] = 0. Some of its entries are of the size of 1.
-  static Eigen::MatrixXd null_space(const Eigen::ColPivHouseholderQR<Eigen::MatrixXd>& qr) {
-    const Eigen::Index n = qr.cols(), r = qr.rank();
-    Eigen::MatrixXd N = Eigen::MatrixXd::Identity(n, n).rightCols(n - r);
-    const Eigen::MatrixXd S = qr.matrixR().topRightCorner(r, n - r);
-    N.topRows(r) = -qr.matrixR().topLeftCorner(r, r).triangularView<Eigen::Upper>().solve(S);
-    return qr.colsPermutation() * N;
+  // But for landmarks that no prior knew: late factors through these are refused (decision 14).
+  void remember(const algebra::Part& part, const std::set<Unknown>& gone, Time stamp) {
+    std::set<Unknown> forgotten, kept;
+    for (const Unknown& u : gone) {
+      const bool in_prior =
+          std::any_of(part.priors.begin(), part.priors.end(), [&](const Prior& p) { return p.names(u); });
+      (u.what == What::landmark && !in_prior ? forgotten : kept).insert(u);
+    }
+    if (kept.empty()) return;
+    const Prior rest = algebra::eliminated(forgotten, part.rows, part.priors);
+    ledger.keep_newest(algebra::eliminate(kept, {}, {rest}).known, stamp);
+  }
+  void absorb(const std::vector<Row>& rows, std::optional<std::size_t> host) {
+    std::vector<Prior> old;
+    if (host) {
+      old.push_back(priors_[*host]);
+      priors_.erase(priors_.begin() + static_cast<std::ptrdiff_t>(*host));
+    }
+    keep(algebra::eliminated({}, rows, old), rows, old);
+  }
+  bool holds_any(int chain, Time time) const {
+    const auto all = unknowns(chain, time);
+    return std::any_of(all.begin(), all.end(), [this](const Unknown& u) { return ledger.holds(u); });
+  }
+  void enter_late(const MeasuredGroup& group) {
+    made.clear();
+    for (const Measured& m : group)
+      for (const auto& [chain, time] : times(m)) make_state(chain, time);
+    for (const Measured& m : group) {
+      Row row = row_of(m);
+      if (std::all_of(row.terms.begin(), row.terms.end(), [this](const auto& t) { return lives(t.of); })) {
+        rows_.push_back(std::move(row));
+        continue;
+      }
+      auto prior = ledger.fold(row, [this](const Unknown& u) { return lives(u); });
+      if (!prior)
+        wrong = "a late group was folded whose way is cut";
+      else
+        keep(std::move(*prior), {row}, {});
+    }
+  }
+  // p(s | neighbours) of a time that never had a state; what the halves of its motion say of these is known already.
+  void make_state(int chain, Time time) {
+    if (!is_dead(chain, time) || was_there(chain, time)) return;
+    const auto between = neighbours(chain, time);
+    if (!between) return void(wrong = "a late state has come into being that has no neighbours");
+    std::vector<Row> halves = motion(chain, between->first, time);
+    for (Row& r : motion(chain, time, between->second)) halves.push_back(std::move(r));
+    const auto unknown = unknowns(chain, time);
+    made.push_back(time);
+    left[chain].insert(time);
+    ledger.keep_oldest(algebra::eliminate({unknown.begin(), unknown.end()}, halves, {}).known, made.front());
+  }
+  // From one time to another.
+  std::vector<Row> motion(int chain, Time from, Time to) const {
+    const double sigma = Increments<2>::sigma(from, to);
+    auto row = [&](What what, const Eigen::VectorXd& z) {
+      return Row{{{{what, to.ns}}, {{what, from.ns}, -1.0}}, z, sigma, {}};
+    };
+    if (chain == 0) {
+      const Vec2d z = moved.between(from, to);
+      return {row(What::position, Eigen::Vector2d(z[0], z[1]))};
+    }
+    const Vec4d z = levelled.between(from, to);
+    return {row(What::level, Eigen::Vector3d(z[0], z[1], z[2])), row(What::offset, Eigen::VectorXd::Constant(1, z[3]))};
   }
   // With the motions between neighbours.
   std::vector<Row> all_rows() const {
     std::vector<Row> all = rows_;
     for (int c = 0; c < 2; ++c)
-      for (auto b = chains[c].begin(); b != chains[c].end(); ++b) {
-        if (b == chains[c].begin() || b->second.severed) continue;
-        const Time from = std::prev(b)->first, to = b->first;
-        const double sigma = Increments<2>::sigma(from, to);
-        if (c == 0) {
-          const Vec2d z = moved.between(from, to);
-          all.push_back(
-              {{{{What::position, to.ns}}, {{What::position, from.ns}, -1.0}}, Eigen::Vector2d(z[0], z[1]), sigma, {}});
-        } else {
-          const Vec4d z = levelled.between(from, to);
-          all.push_back(
-              {{{{What::level, to.ns}}, {{What::level, from.ns}, -1.0}}, Eigen::Vector3d(z[0], z[1], z[2]), sigma, {}});
-          all.push_back({{{{What::offset, to.ns}}, {{What::offset, from.ns}, -1.0}},
-                         Eigen::VectorXd::Constant(1, z[3]),
-                         sigma,
-                         {}});
-        }
-      }
+      for (auto b = chains[c].begin(); b != chains[c].end(); ++b)
+        if (b != chains[c].begin() && !b->second.severed)
+          for (Row& r : motion(c, std::prev(b)->first, b->first)) all.push_back(std::move(r));
     return all;
-  }
-  // The rows, whitened, and the priors below them.
-  static std::pair<Eigen::MatrixXd, Eigen::VectorXd> stack(const std::vector<Row>& rows,
-                                                           const std::vector<Prior>& priors,
-                                                           const std::map<Unknown, int>& at, int n) {
-    Eigen::Index m = 0, i = 0;
-    for (const Row& r : rows) m += r.z.size();
-    for (const Prior& p : priors) m += p.d.size();
-    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(std::max<Eigen::Index>(m, n), n);  // QR wants as many rows as columns
-    Eigen::VectorXd b = Eigen::VectorXd::Zero(A.rows());
-    for (const Row& r : rows) {
-      for (const auto& t : r.terms)
-        for (int d = 0; d < r.z.size(); ++d) A(i + d, at.at(t.of) + (t.scalar >= 0 ? t.scalar : d)) += t.sign / r.sigma;
-      b.segment(i, r.z.size()) = r.z / r.sigma;
-      i += r.z.size();
-    }
-    for (const Prior& p : priors) {
-      int column = 0;
-      for (const Unknown& u : p.of) {
-        A.block(i, at.at(u), p.R.rows(), u.dim()) = p.R.middleCols(column, u.dim());
-        column += u.dim();
-      }
-      b.segment(i, p.d.size()) = p.d;
-      i += p.d.size();
-    }
-    return {A, b};
-  }
-  // What rows and priors say of the others: the leaving columns first, what is below their rows after reflections.
-  static Prior eliminated(const std::set<Unknown>& leaving, const std::vector<Row>& rows,
-                          const std::vector<Prior>& priors) {
-    std::map<Unknown, int> at;
-    int n = 0;
-    for (const Unknown& u : leaving) at[u] = n, n += u.dim();
-    const int gone = n;
-    Prior rest;
-    auto stays = [&](const Unknown& u) {
-      if (!at.emplace(u, n).second) return;
-      rest.of.push_back(u);
-      n += u.dim();
-    };
-    for (const Row& r : rows)
-      for (const auto& t : r.terms) stays(t.of);
-    for (const Prior& p : priors)
-      for (const Unknown& u : p.of) stays(u);
-    const int kept = n - gone;
-    if (kept == 0) return rest;
-    const auto [A, b] = stack(rows, priors, at, n);
-    Eigen::MatrixXd right(A.rows(), kept + 1);
-    right << A.rightCols(kept), b;
-    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A.leftCols(gone));
-    right.applyOnTheLeft(qr.householderQ().transpose());
-    const Eigen::Index rows_left = right.rows() - qr.rank();
-    rest.R = right.bottomLeftCorner(rows_left, kept);
-    rest.d = right.col(kept).tail(rows_left);
-    if (rows_left > kept) {  // no more rows than a triangle has
-      const Eigen::HouseholderQR<Eigen::MatrixXd> triangle(rest.R);
-      rest.d = (triangle.householderQ().transpose() * rest.d).head(kept).eval();
-      rest.R = Eigen::MatrixXd(triangle.matrixQR().topRows(kept).triangularView<Eigen::Upper>());
-    }
-    return rest;
   }
 
   std::vector<Row> rows_;

@@ -31,6 +31,15 @@ bool reflect(double* A, int m, int n, int k, int c, double negligible, double* d
   return true;
 }
 
+constexpr double kNegligible = 1e-13;  // of a column, against all of it: rounding error
+
+// The norm of a column, which reflections keep.
+double norm_of(const std::vector<double>& R, int rows, int column) {
+  double norm = 0.0;
+  for (int i = 0; i < rows; ++i) norm = std::hypot(norm, R[static_cast<std::size_t>(column) * rows + i]);
+  return norm;
+}
+
 }  // namespace
 
 int marginalize_columns(int rows, int cols, const std::vector<char>& leaves, std::vector<double>& R,
@@ -38,9 +47,14 @@ int marginalize_columns(int rows, int cols, const std::vector<char>& leaves, std
   int used = 0;
   for (int j = 0; j < cols && used < rows; ++j) {
     if (!leaves[j]) continue;
-    double norm = 0.0;  // reflections keep the norm of a column
-    for (int i = 0; i < rows; ++i) norm = std::hypot(norm, R[static_cast<std::size_t>(j) * rows + i]);
-    if (reflect(R.data(), rows, cols, used, j, 1e-13 * norm, d.data())) ++used;
+    if (reflect(R.data(), rows, cols, used, j, kNegligible * norm_of(R, rows, j), d.data())) ++used;
+  }
+  // Rounding error would tie the rest to a variable of which nothing is known any more, and leave with it.
+  for (int j = 0; j < cols; ++j) {
+    double* const column = R.data() + static_cast<std::ptrdiff_t>(j) * rows;
+    const double least = kNegligible * norm_of(R, rows, j);
+    for (int i = used; i < rows && !leaves[j]; ++i)
+      if (!(std::fabs(column[i]) > least)) column[i] = 0.0;
   }
   std::vector<double> kept;
   for (int j = 0; j < cols; ++j)

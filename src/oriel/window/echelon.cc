@@ -33,6 +33,18 @@ int reduce_to_echelon(const StackedColumns& a, int from, int to, int end, int us
   return used;
 }
 
+void forget_rounding(double* x, int n, double whole) {
+  for (int i = 0; i < n; ++i)
+    if (!(std::fabs(x[i]) > kNegligibleColumn * whole)) x[i] = 0.0;
+}
+
+void forget_rounding(const StackedColumns& a, int from, int to, int first, int last) {
+  for (int c = from; c < to; ++c) {
+    double* const v = a.column(c);
+    forget_rounding(v + first, last - first, std::sqrt(dot(v, v, a.rows)));
+  }
+}
+
 void eliminate_rows(double* a, int n, int m, int columns, const double* whole) {
   const std::ptrdiff_t stride = n + m;
   for (int j = 0; j < n; ++j) {

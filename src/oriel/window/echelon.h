@@ -20,6 +20,12 @@ inline constexpr double kNegligibleColumn = 1e-13;
 // Returns the rows used. Golub & Van Loan, Matrix Computations, algorithm 5.1.1, without pivoting.
 int reduce_to_echelon(const StackedColumns& a, int from, int to, int end, int used, char* empty);
 
+// Entries of a column that are rounding error against all of it become zeros: they would tie a variable to rows that
+// say nothing of it, and these would be lost when it leaves.
+void forget_rounding(double* x, int n, double whole);
+// Of rows [first, last) of columns [from, to) of echelon form.
+void forget_rounding(const StackedColumns& a, int from, int to, int first, int last);
+
 // n triangular rows above m others, in columns of n + m: reflections of row j with the m bring their first n columns to
 // zero, and are applied to all `columns`. Where what the m rows have in column j is rounding error against whole[j],
 // there is no reflection.

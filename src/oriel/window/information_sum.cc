@@ -252,6 +252,7 @@ void InformationSum::step(int p, int block) {
   active_.data()[p] = diagonal_[p] = 0.0;
   for (int i = 0; i < n_; ++i) diagonal_[i] -= l[i] * l[i];
   right_.push_back(y);
+  roots_.push_back(root);
   ++steps_;
 }
 
@@ -273,6 +274,16 @@ void InformationSum::eliminate(int begin, int end) {
   }
 }
 
+// Of columns from `begin` on, in rows of the factor from `first_row` on: where the entry of H that one stands for is
+// rounding error, it becomes zero, as in echelon.h.
+void InformationSum::forget_rounding(int first_row, int begin) {
+  for (int k = first_row; k < steps_; ++k) {
+    double* const row = factor_.data() + static_cast<std::int64_t>(k) * ld_;
+    for (int c = begin; c < n_; ++c)
+      if (!(std::fabs(row[c]) * roots_[k] > kRounding)) row[c] = 0.0;
+  }
+}
+
 // Cholesky without choice of pivots, in blocks and so several times faster: as good where every pivot is well above
 // rounding error. False, and H as it was, if one is not.
 bool InformationSum::factor_at_once() {
@@ -284,6 +295,7 @@ bool InformationSum::factor_at_once() {
   dense::solve_panel_lower(factor_.data(), ld_, n_, n_, inverse_.data(), g_.data());
   right_.assign(g_.data(), g_.data() + n_);
   std::fill_n(active_.data(), n_, 0.0);
+  for (int j = 0; j < n_; ++j) roots_.push_back(*(factor_.data() + static_cast<std::int64_t>(j) * ld_ + j));
   for (int j = 1; j < n_; ++j) std::fill_n(factor_.data() + static_cast<std::int64_t>(j) * ld_, j, 0.0);
   steps_ = n_;
   return true;
@@ -293,6 +305,7 @@ void InformationSum::finish(SquareRootRows& out) {
   const int leaving = component_->leaving_dim;
   factor_.reserve(static_cast<std::int64_t>(ld_) * n_);
   right_.clear();
+  roots_.clear();
   steps_ = 0;
   scale();
   int first = leaving;
@@ -301,6 +314,7 @@ void InformationSum::finish(SquareRootRows& out) {
     first = steps_;
     eliminate(leaving, n_);
   }
+  forget_rounding(out.keep_conditional ? 0 : first, leaving);
   out.undetermined = undetermined_;
   for (std::uint32_t o = component_->variables_begin; o < component_->variables_end; ++o) {
     const MarginalVariable& v = scope_->variables()[scope_->ordered()[o]];

@@ -20,6 +20,8 @@ class InformationSum {
 
   // Above this share pivots need not be chosen by size.
   static constexpr double kSafePivot = 1e-8;
+  // Of H with a unit diagonal: some hundred sums' rounding error.
+  static constexpr double kRounding = 1e-14;
 
   void begin(const MarginalScope& scope, const MarginalComponent& component);
   void add(const AbsorbedBatch& batch);
@@ -37,6 +39,7 @@ class InformationSum {
   bool factor_at_once();
   void step(int p, int block);
   void eliminate(int begin, int end);
+  void forget_rounding(int first_row, int begin);
   void write_rows(int first_row, int rows, int first_column, std::vector<double>& R, std::vector<double>& d) const;
   void add_landmarks(const AbsorbedBatch& batch, int begin, int end);
   double* at(int row, int column) { return h_.data() + static_cast<std::int64_t>(column) * ld_ + row; }
@@ -48,7 +51,7 @@ class InformationSum {
   RunProducts products_;
   AlignedBuffer h_, panel_, g_, factor_, scale_, active_;
   int steps_ = 0;  // rows of the factor so far
-  std::vector<double> landmark_v_, landmark_g_, taken_, right_, diagonal_, threshold_, inverse_;
+  std::vector<double> landmark_v_, landmark_g_, taken_, right_, diagonal_, threshold_, inverse_, roots_;
   std::vector<UndeterminedColumn> undetermined_;
 
   // Of the run at hand: columns of J and where they go; the landmark's columns.

@@ -16,6 +16,13 @@ bool all_zero(const double* x, std::ptrdiff_t n) {
   return std::all_of(x, x + n, [](double e) { return e == 0.0; });
 }
 
+// Of columns that stand apart.
+bool silent(const double* x, int rows, std::ptrdiff_t stride, int columns) {
+  bool all = true;
+  for (int j = 0; j < columns; ++j) all = all && all_zero(x + stride * j, rows);
+  return all;
+}
+
 // At 16 bytes' alignment, as in a pool.
 std::size_t value_doubles(const VariableOps& ops) { return (estimate_doubles(ops) + 1) / 2 * 2; }
 
@@ -255,20 +262,24 @@ bool LateLedger::push(std::int32_t entry) {
   const int n = old.rows, m = row_count_, columns = static_cast<int>(whole_.size());
   const std::ptrdiff_t stride = std::ptrdiff_t{n} + m;
   eliminate_rows(stacked_.data(), n, m, columns + 1, whole_.data());
+  for (int local = n; local < columns; ++local)
+    forget_rounding(stacked_.data() + stride * local, n + m, whole_[static_cast<std::size_t>(local)]);
   const std::int32_t at = store_.acquire(options_.conditionals);
   Conditional& c = store_.at(at);
   c.rows = n, c.leaving = old.leaving;
-  auto copy = [&](int local, int column) {
-    const double* const from = stacked_.data() + stride * local;
-    c.numbers.insert(c.numbers.end(), from, from + n);
-    std::copy_n(from + n, m, row_column(column));
-  };
   for (const std::int32_t i : active_) {
     const Stop& s = stops_[static_cast<std::size_t>(i)];
-    c.add(s.id, *s.ops, s.reference, c.cols);
-    for (int j = 0; j < s.ops->dim; ++j, ++c.cols) copy(s.local + j, s.column + j);
+    const double* from = stacked_.data() + stride * s.local;
+    const bool known = s.local < n || !silent(from, n, stride, s.ops->dim);
+    if (known) c.add(s.id, *s.ops, s.reference, c.cols);
+    for (int j = 0; j < s.ops->dim; ++j, from += stride) {
+      if (known) c.numbers.insert(c.numbers.end(), from, from + n), ++c.cols;
+      std::copy_n(from + n, m, row_column(s.column + j));
+    }
   }
-  copy(columns, columns_);
+  const double* const d = stacked_.data() + stride * columns;
+  c.numbers.insert(c.numbers.end(), d, d + n);
+  std::copy_n(d + n, m, row_column(columns_));
   store_.update(entry, at);
   return true;
 }

@@ -59,6 +59,7 @@ void StackedRows::finish(SquareRootRows& out) {
   const int first = reduce_to_echelon(a, 0, landmarks, right + 1, 0, empty_.data());
   const int used = reduce_to_echelon(a, landmarks, staying, right + 1, first, empty_.data());
   const int rank = reduce_to_echelon(a, staying, right, right + 1, used, empty_.data()) - used;
+  forget_rounding(a, staying, right, first, used + rank);
   out.undetermined.clear();
   for (std::uint32_t o = component_->variables_begin; o < component_->variables_end; ++o) {
     const MarginalVariable& v = scope_->variables()[scope_->ordered()[o]];

@@ -23,6 +23,7 @@ void PriorMarginal::operator()(const SquareRootRows& joint, const std::vector<ch
   const StackedColumns a{a_.data(), rows, joint.rows};
   const int used = reduce_to_echelon(a, 0, gone, joint.cols + 1, 0, empty_.data());
   out.rows = reduce_to_echelon(a, gone, joint.cols, joint.cols + 1, used, empty_.data()) - used, out.cols = joint.cols;
+  forget_rounding(a, gone, joint.cols, used, joint.rows);
   out.R.assign(static_cast<std::size_t>(out.rows) * static_cast<std::size_t>(out.cols), 0.0);
   for (int i = gone; i < joint.cols; ++i)
     std::copy_n(a.column(i) + used, out.rows, out.R.begin() + static_cast<std::ptrdiff_t>(order_[i]) * out.rows);
