@@ -25,6 +25,11 @@ packages_test=(
   libopenblas-dev      # so that Ceres is measured with the fast BLAS
   libgoogle-glog-dev   # Ceres wants it
 )
+packages_fuzz=(
+  clang            # libFuzzer
+  libclang-rt-dev  # and its runtime
+  bzip2            # for the seeds
+)
 packages_tidy=(
   clang-format
   clang-tidy

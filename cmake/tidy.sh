@@ -6,7 +6,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 files=("$@")
 if ((${#files[@]} == 0)); then
-  mapfile -t files < <(find src apps benchmarks examples tests -name '*.h' -o -name '*.cc' | sort)
+  mapfile -t files < <(find src apps benchmarks examples fuzz tests -name '*.h' -o -name '*.cc' | sort)
 fi
 ((${#files[@]})) || { echo "tidy: no files"; exit 0; }
 

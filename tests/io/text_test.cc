@@ -2,8 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <limits>
+#include <random>
+#include <string>
 
 namespace oriel {
 namespace {
@@ -16,6 +21,36 @@ TEST(Text, ReadsNumbersAsTheFilesOfTheFieldWriteThem) {
   EXPECT_EQ(v, 3.5);
   EXPECT_EQ(parse_number("-1e-400", v), NumberFault::none) << "too small for a double is zero";
   EXPECT_EQ(v, 0.0);
+}
+
+// Against strtod, which is exact too: digits, points and exponents of any count.
+TEST(Text, ReadsNumbersToTheNearestDouble) {
+  std::mt19937 random(8);
+  const auto below = [&](unsigned n) { return static_cast<int>(random() % n); };
+  const auto digits = [&](std::string& text, int count) {
+    for (int k = 0; k < count; ++k) text += static_cast<char>('0' + below(10));
+  };
+  for (int round = 0; round < 100000; ++round) {
+    std::string text = below(3) == 0 ? "-" : "";
+    digits(text, 1 + below(round % 2 == 0 ? 4 : 20));
+    if (below(4) != 0) {
+      text += '.';
+      digits(text, below(round % 2 == 0 ? 8 : 20));
+    }
+    if (below(2) == 0) {
+      text += below(2) == 0 ? "e" : "E";
+      text += below(3) == 0 ? "" : below(2) == 0 ? "+" : "-";
+      digits(text, 1 + below(3));
+    }
+    const double expected = std::strtod(text.c_str(), nullptr);
+    if (!std::isfinite(expected)) continue;
+    const std::string line = text + (below(2) == 0 ? " 1" : "");
+    TextScanner scanner(line);
+    double found = -1;
+    ASSERT_TRUE(scanner.next_line());
+    ASSERT_EQ(scanner.number(found), NumberFault::none) << text;
+    ASSERT_EQ(std::memcmp(&found, &expected, sizeof found), 0) << text << ": " << found << ", " << expected;
+  }
 }
 
 TEST(Text, TellsFaultsOfNumbersApart) {

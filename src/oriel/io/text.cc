@@ -49,7 +49,7 @@ NumberFault classify(std::errc code, bool whole, std::string_view token, T& out)
   if (code != std::errc::result_out_of_range) return NumberFault::none;
   if constexpr (std::is_floating_point_v<T>) {
     if (underflows(token)) {
-      out = 0;
+      out = token.front() == '-' ? -0.0 : 0.0;
       return NumberFault::none;
     }
   }
@@ -185,6 +185,18 @@ std::string_view TextScanner::token() {
   return {first, static_cast<std::size_t>(p_ - first)};
 }
 
+// At the 'e' of a number; adds what follows to `power` and steps over it. Two digits at least stand there in every
+// file.
+bool TextScanner::scan_exponent(const char*& p, int& power) const {
+  if (line_end_ - p < 4 || (p[1] != '+' && p[1] != '-')) return false;
+  const bool down = p[1] == '-';
+  int exponent = 0, count = 0;
+  for (p += 2; p != line_end_ && *p >= '0' && *p <= '9' && count < 4; ++p, ++count)
+    exponent = 10 * exponent + (*p - '0');
+  power += down ? -exponent : exponent;
+  return count > 0;
+}
+
 // Up to 15 digits and a power of ten up to 22 are exact doubles, so that one division or product of them is the nearest
 // double (Clinger, How to read floating point numbers accurately, PLDI 1990). Anything else is left to from_chars.
 bool TextScanner::scan_short(double& out) {
@@ -202,8 +214,12 @@ bool TextScanner::scan_short(double& out) {
   const int whole = take();
   int decimals = 0;
   if (p != line_end_ && *p == '.') ++p, decimals = take();
-  if (whole + decimals == 0 || whole + decimals > 15 || !ends_token(p)) return false;
-  const double value = static_cast<double>(digits) / kPower[decimals];
+  if (whole + decimals == 0 || whole + decimals > 15) return false;
+  int power = -decimals;
+  if (p != line_end_ && (*p == 'e' || *p == 'E') && !scan_exponent(p, power)) return false;
+  if (power < -22 || power > 22 || !ends_token(p)) return false;
+  const auto exact = static_cast<double>(digits);
+  const double value = power < 0 ? exact / kPower[-power] : exact * kPower[power];
   out = negative ? -value : value;
   p_ = p;
   return true;

@@ -56,6 +56,7 @@ class TextScanner {
   }
   bool ends_token(const char* p) const { return p == line_end_ || *p == ' ' || *p == '\t' || *p == '\r'; }
   bool scan_short(double& out);
+  bool scan_exponent(const char*& p, int& power) const;
   template <class T>
   NumberFault scan(T& out);
 
