@@ -8,7 +8,7 @@ seconds=${1:-60}
 [[ $seconds =~ ^[1-9][0-9]*$ ]] || fail "--fuzz: expected seconds, got '$seconds'"
 need_packages "${packages_build[@]}" "${packages_run[@]}" "${packages_fuzz[@]}"
 configure fuzz
-build fuzz
+build fuzz oriel_fuzzers
 
 # Large seeds make slow runs.
 seeds() {
