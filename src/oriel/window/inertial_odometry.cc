@@ -121,7 +121,7 @@ bool InertialOdometry::add_frame(const StereoFrame& frame, const InertialValues*
     return false;
   }
   std::optional<InertialState> at_rest;
-  if (given == nullptr && from_keyframe->missing.ns == 0) at_rest = at_rest_since(frame.time, predicted);
+  if (!stereo_ && given == nullptr && from_keyframe->missing.ns == 0) at_rest = at_rest_since(frame.time, predicted);
   GraphEdit& edit = window_.edit();
   if (!latest.keyframe) give_way(edit);
   const InertialState state{frame.time, edit.add(predicted.T_world_body), edit.add(predicted.velocity),

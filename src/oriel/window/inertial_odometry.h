@@ -127,6 +127,7 @@ class InertialOdometry {
   OdometryOptions options_;
   ImuNoise noise_;
   StereoRigd rig_;
+  bool stereo_;
   ImuBuffer imu_;
   WindowCore window_;
   Timeline<InertialState> timeline_;

@@ -1,4 +1,4 @@
-// InertialOdometry where the body stands still.
+// InertialOdometry where the body stands still, and one camera sees it (two see depth at rest too).
 #include <algorithm>
 #include <cmath>
 

@@ -39,6 +39,7 @@ InertialOdometry::InertialOdometry(const StereoRigd& rig, bool stereo, const Imu
     : options_(chosen(options, stereo)),
       noise_(scaled(noise, options.inertial)),
       rig_(rig),
+      stereo_(stereo),
       map_(rig, stereo),
       builder_(options_.visual, rig),
       initialiser_(rig, stereo, noise_, options_) {
@@ -56,7 +57,7 @@ InertialOdometry::InertialOdometry(const StereoRigd& rig, bool stereo, const Imu
   pose_work_.pairs.reserve(kTracks);
   builder_.reserve(states);
   const int with_holes = static_cast<int>(states) * 4 / 3 + 2;  // a pool closes its holes when they are a fourth
-  (void)rehearse(window_, rig, {with_holes, options.keyframes.expected_tracks, options_.visual.landmarks});
+  (void)rehearse(window_, rig, {with_holes, options.keyframes.expected_tracks, options_.visual.landmarks, !stereo});
 }
 
 UpdateReport InertialOdometry::initialise(const StereoFrame& frame) {

@@ -43,6 +43,7 @@ class Rehearsal {
   bool operator()() {
     for (const Scene& scene : {Scene{3, false, true}, Scene{2, false, true}, Scene{0, true, true},
                                Scene{0, true, false}, Scene{3, false, true, true}, Scene{0, true, true, true}}) {
+      if (scene.rest && !size_.holds_rest) continue;
       build(scene);
       if (!(commit() && solve() && gate() && solve())) return false;
       if (scene.priors == 3 && !(slide(SquareRootMethod::schur) && solve() && slide(SquareRootMethod::schur) &&

@@ -12,6 +12,7 @@ struct WindowSize {
   int states = 14;
   int tracks = 300;  // in a frame
   LandmarkModel landmarks = LandmarkModel::inverse_depth;
+  bool holds_rest = false;  // states at rest are held
 };
 
 // The window must be empty, and nobody may follow it yet. It is empty afterwards, its engine as new but for its memory.
