@@ -13,6 +13,7 @@ constexpr double kIterations = 50.0;      // of conjugate gradients a step
 constexpr double kFlopsPerSecond = 20e9;  // of elimination and factorization
 constexpr double kBytesPerSecond = 6e9;   // of W in a product
 constexpr double kMostPairs = 3e7;        // sightings of one landmark by two, up to which the pattern is looked at
+constexpr double kLongStep = 0.25;        // [s] of a direct step, below which there is nothing to choose: it is exact
 
 }  // namespace
 
@@ -308,13 +309,14 @@ Result<void> LinearStructure::factorize(const FactorOptions& options) {
 Result<void> LinearStructure::analyze(const FactorOptions& options) {
   const bool may_choose = options.linear_solver == LinearSolver::automatic && !landmarks_.empty();
   const double n = kept_dim_, dense_seconds = (landmark_flops_ + n * n * n / 3.0) / kFlopsPerSecond;
-  const bool in_doubt = may_choose && dense_seconds > iterative_seconds();
+  const double bound = std::max(kLongStep, iterative_seconds());
+  is_large_ = !landmarks_.empty() && dense_seconds > bound;
   forms_reduced_ = landmarks_.empty() || options.linear_solver != LinearSolver::conjugate_gradient;
-  if (in_doubt && !may_form_reduced()) forms_reduced_ = false;
+  if (may_choose && is_large_ && !may_form_reduced()) forms_reduced_ = false;
   find_pattern();
   if (auto ok = factorize(options); !ok) return ok;
   const double seconds = (landmark_flops_ + factorization_.symbolic().flops()) / kFlopsPerSecond;
-  if (in_doubt && forms_reduced_ && seconds > iterative_seconds()) {
+  if (may_choose && is_large_ && forms_reduced_ && seconds > bound) {
     forms_reduced_ = false;
     find_pattern();
     if (auto ok = factorize(options); !ok) return ok;

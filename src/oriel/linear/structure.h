@@ -106,6 +106,8 @@ class LinearStructure {
   // Whether the reduced system is formed. Where it is not, H has the blocks of kept variables that share a factor, and
   // those that only share landmarks have none.
   bool forms_reduced() const { return forms_reduced_; }
+  // Whether LinearSolver::automatic had a choice to make, or would have had.
+  bool is_large() const { return is_large_; }
   int first_seen() const { return first_seen_; }      // kept block from which on all see landmarks
   int first_scalar() const { return first_scalar_; }  // of that block, in a step
   int panel_rows() const { return kept_dim_ - first_scalar_; }
@@ -167,7 +169,7 @@ class LinearStructure {
   std::vector<std::uint32_t> pool_order_, table_order_;  // by name
   std::uint64_t version_ = 0;
   int kept_dim_ = 0, dim_ = 0, first_seen_ = 0, first_scalar_ = 0;
-  bool landmark_panel_ = false, forms_reduced_ = true;
+  bool landmark_panel_ = false, forms_reduced_ = true, is_large_ = false;
   double landmark_flops_ = 0.0;
   std::int64_t landmark_store_ = 0;
   Multifrontal factorization_;

@@ -22,9 +22,7 @@ double NativeEngine::cost() noexcept {
 
 Result<void> NativeEngine::linearize(bool first_estimates) {
   SolveOptions options;
-  options.linear_solver = structure_solver_ == LinearSolver::automatic && structure_.forms_reduced()
-                              ? LinearSolver::automatic  // as good, and nothing has to be made anew
-                              : LinearSolver::direct;
+  options.linear_solver = LinearSolver::direct;
   if (auto ok = sync(options); !ok) return ok;
   point_.take(*graph_);
   linearizer_.first_estimates = first_estimates;
@@ -43,9 +41,16 @@ void NativeEngine::drop_caches() {
   linearizer_.first_estimates = first_estimates;
 }
 
+// What is small is solved directly, whoever chooses.
+bool NativeEngine::is_solved_by(LinearSolver solver) const {
+  const bool chooses =
+      solver != LinearSolver::conjugate_gradient && structure_solver_ != LinearSolver::conjugate_gradient;
+  return solver == structure_solver_ || (chooses && !structure_.is_large());
+}
+
 Result<void> NativeEngine::sync(const SolveOptions& options) {
   if (structure_version_ != graph_->structure_version() || structure_ordering_ != options.ordering ||
-      structure_solver_ != options.linear_solver || structure_.pool_count() != graph_->pools().size()) {
+      !is_solved_by(options.linear_solver) || structure_.pool_count() != graph_->pools().size()) {
     FactorOptions factor;
     factor.linear_solver = options.linear_solver;
     factor.ordering =

@@ -66,6 +66,7 @@ class NativeEngine final : public Engine {
   friend class Minimizer;
 
   Result<void> sync(const SolveOptions& options);
+  bool is_solved_by(LinearSolver solver) const;
   Result<void> covariance_block(std::span<const VariableKey> ids, double* out) noexcept;
   Result<void> factor_undamped(VariableKey id) noexcept;
   TaskPool* pool(int threads);
