@@ -68,7 +68,8 @@ TEST_F(ProblemFiles, AreWrittenAsCloudsAndPicturesToo) {
   const std::string file = write("f.g2o", std::string("VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nVERTEX_SE2 2 2 0 0\n") +
                                               "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\nEDGE_SE2 1 2 1 0 0 1 0 0 1 0 1\n"
                                               "EDGE_SE2 2 0 -1.7 0 0 1 0 0 1 0 1\n");
-  const CommandResult r = oriel("solve " + file + " --out " + path("out.ply") + " --svg " + path("out.svg"));
+  const CommandResult r =
+      oriel("solve " + file + " --init file --out " + path("out.ply") + " --svg " + path("out.svg"));
   ASSERT_EQ(r.exit_code, 0) << r.err;
   EXPECT_EQ(read(path("out.ply")).substr(0, 21), "ply\nformat ascii 1.0\n");
   EXPECT_NE(read(path("out.ply")).find("\n0.9 0 0 "), std::string::npos) << "a third of the gap off";

@@ -56,11 +56,12 @@ TEST_F(RunCommand, WarnsOfAWindowThatBeganAnewWithItsReason) {
   const CommandResult r = oriel("run " + path("flight") + " --json -");
   ASSERT_EQ(r.exit_code, 0) << r.err;
   bool named = false;
-  for (const json& w : r.json()["warnings"])
+  const json report = r.json();
+  for (const json& w : report["warnings"])
     named = named ||
             w.get<std::string>().find("the window began anew: no IMU samples, and too little that is known in view") !=
                 std::string::npos;
-  EXPECT_TRUE(named) << r.json()["warnings"];
+  EXPECT_TRUE(named) << report["warnings"];
 }
 
 // L10
