@@ -26,7 +26,7 @@ void print(const ReplayArguments& a, const ReplayReport& r, const Graph& graph) 
   else
     std::printf("%s: other bits after %lld of %lld solves, first after solve %lld\n", what,
                 static_cast<long long>(r.differing), static_cast<long long>(r.solves),
-                static_cast<long long>(r.first_differing + 1));
+                static_cast<long long>(r.first_differing) + 1);
   if (r.differing > 0 && r.build != build_name())
     std::printf("the journal was written by a build for %s, this one is for %s\n", r.build.c_str(),
                 std::string(build_name()).c_str());

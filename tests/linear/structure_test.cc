@@ -126,5 +126,28 @@ TEST(LinearStructure, FollowsTheGraphThroughRandomEdits) {  // L2
   }
 }
 
+// L2: few landmarks among very many poses are left to the ordering; with as many as that they go first. The step is the
+// same.
+TEST(Structure, EliminatesLandmarksFirstUnlessTheyAreFewAmongMany) {
+  for (const int marks : {40, 400}) {
+    RandomProblem p(11);
+    const auto x = p.variables<VectorNd<3>>(600);
+    const auto m = p.variables<Markd<2>>(marks);
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      p.factor<3>(x[i]);
+      p.factor<2>(p.any(x), p.any(m));
+      if (i > 0) p.factor<3>(x[i - 1], x[i]);
+    }
+    for (const auto& id : m) p.factor<2>(id);
+    ASSERT_TRUE(p.apply());
+    System system(p.graph);
+    EXPECT_EQ(system.structure.landmarks().size(), marks == 40 ? 0u : 400u);
+    const auto dense = p.dense(system.structure);
+    const Eigen::VectorXd damping = Eigen::VectorXd::Constant(system.structure.dim(), 0.1),
+                          expected = testing::dense_step(dense, damping);
+    EXPECT_LE((system.solve(damping) - expected).norm(), 1e-9 * (1.0 + expected.norm()));
+  }
+}
+
 }  // namespace
 }  // namespace oriel

@@ -142,6 +142,8 @@ class WindowFuzz : FuzzOperations {
     std::int64_t told = 0;
     for (const Refusals& r : update.refusals) told += r.total();
     if (told != update.refused) wrong("refusals by sensor do not add up");
+    // A window that began anew has left the times behind that groups on their way in were for.
+    if (update.reset[0] != '\0') doubtful_.clear();
     for (const MeasuredGroup& group : without_reason(std::move(doubtful_)))
       wrong("a group was refused without a reason: " + text(group) + "; " + reasons(update));
   }

@@ -136,7 +136,7 @@ double landmark_cost3(const PoseGraphFile& file, const std::vector<Pose3d>& pose
 std::vector<VariableId<Point2d>> add_landmarks2(GraphEdit& edit, const PoseGraphFile& file,
                                                 const std::vector<VariableId<Pose2d>>& poses,
                                                 const std::vector<Point2d>& start, const Loss& loss) {
-  const auto ids = add_points(edit, file, start);
+  auto ids = add_points(edit, file, start);
   for (const auto& s : file.planar_sightings)
     edit.add(Sighting2d{s.measurement}, Information(from_upper<2>(s.information.data())), loss, poses[s.pose],
              ids[s.landmark]);
@@ -149,7 +149,7 @@ std::vector<VariableId<Point2d>> add_landmarks2(GraphEdit& edit, const PoseGraph
 std::vector<VariableId<Point3d>> add_landmarks3(GraphEdit& edit, const PoseGraphFile& file,
                                                 const std::vector<VariableId<Pose3d>>& poses,
                                                 const std::vector<Point3d>& start, const Loss& loss) {
-  const auto ids = add_points(edit, file, start);
+  auto ids = add_points(edit, file, start);
   std::vector<VariableId<SensorPosed>> sensors;
   for (const auto& o : file.offsets) sensors.push_back(edit.add(sensor_of(o)));
   for (const auto& s : file.spatial_sightings)

@@ -166,7 +166,7 @@ BlockMatrix hessian(const Graph& graph, const LinearStructure& structure, const 
     h.set(id, id, std::span(data + l.v(), static_cast<std::size_t>(l.dim) * static_cast<std::size_t>(l.dim)));
     std::int64_t row = 0;  // of W: blocks stand one after the other, or where the panel has them
     for (int k = 0; k < l.neighbours; ++k) {
-      const int at = structure.neighbours()[static_cast<std::size_t>(l.first_neighbour + k)];
+      const int at = structure.neighbours()[static_cast<std::size_t>(l.first_neighbour) + static_cast<std::size_t>(k)];
       const VariableKey kept = ids[static_cast<std::size_t>(at)];
       if (structure.landmark_panel())
         row = structure.kept()[static_cast<std::size_t>(at)].offset - structure.first_scalar();

@@ -59,7 +59,7 @@ void for_each_neighbour(const LinearStructure& structure, const LandmarkBlock& l
     return;
   }
   for (int a = 0; a < l.neighbours; ++a) {
-    const int k = structure.neighbours()[static_cast<std::size_t>(l.first_neighbour + a)];
+    const int k = structure.neighbours()[static_cast<std::size_t>(l.first_neighbour) + static_cast<std::size_t>(a)];
     f(k, row);
     row += kept[k].dim;
   }

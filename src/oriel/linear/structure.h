@@ -130,6 +130,7 @@ class LinearStructure {
   void order_types(const Graph& graph);
   void number_variables(const Graph& graph);
   void demote_landmarks(const Graph& graph);
+  void demote_few_landmarks();
   void collect_rows(const Graph& graph);
   void plan_table(const FactorTable& table, TablePlan& plan);
   void set_active(TablePlan& plan);

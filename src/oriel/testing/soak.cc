@@ -1,7 +1,7 @@
 #include "oriel/testing/soak.h"
 
 #include <sys/resource.h>
-#include <time.h>
+#include <time.h>  // NOLINT(modernize-deprecated-headers): clock_gettime is POSIX
 #include <unistd.h>
 
 #include <algorithm>

@@ -54,7 +54,9 @@ double MahalanobisGate::distance(bool with_covariance) {
     for (int i = 0; i < probe_.dim(); ++i) b_[c] += probe_.jacobian(i, c) * probe_.residual(i);
   double explained = 0.0;
   for (int c = 0; c < n; ++c)
-    for (int i = 0; i < n; ++i) explained += b_[i] * (*P)[static_cast<std::size_t>(c * n + i)] * b_[c];
+    for (int i = 0; i < n; ++i)
+      explained +=
+          b_[i] * (*P)[static_cast<std::size_t>(c) * static_cast<std::size_t>(n) + static_cast<std::size_t>(i)] * b_[c];
   return std::max(0.0, s - explained);
 }
 
