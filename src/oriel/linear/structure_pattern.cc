@@ -8,8 +8,8 @@ namespace {
 
 constexpr int kSmallTable = 160;  // kept blocks up to which addresses of all pairs are tabulated
 constexpr int kGivenOrder = 96;   // kept blocks up to which a problem with landmarks needs no ordering search
-// What the choice between a direct solve and conjugate gradients goes by: rounded from this house's own measurements
-// (docs/benchmarks.md), and only their ratio matters.
+// What the choice between a direct solve and conjugate gradients goes by. Rough: rates as they are seen on bundle
+// adjustments, the number of products a guess; what matters is that sizes alone decide.
 constexpr double kIterations = 50.0;      // of conjugate gradients a step
 constexpr double kFlopsPerSecond = 20e9;  // of elimination and factorization
 constexpr double kBytesPerSecond = 6e9;   // of W in a product
