@@ -185,7 +185,7 @@ TEST_F(SolveCommand, AnswersBadInputWithOneLineThatNamesFileAndLine) {
 
 TEST_F(SolveCommand, WritesNothingWhereOneOfSeveralFilesIsBad) {
   const std::string good = write("good.g2o", kSquare), bad = write("bad.g2o", "VERTEX_NOPE 1\n");
-  for (const std::string target : {"-", path("report.json").c_str()}) {
+  for (const std::string& target : {std::string("-"), path("report.json")}) {
     const CommandResult r = oriel("solve " + good + " " + bad + " --json " + target);
     EXPECT_EQ(r.exit_code, 2);
     EXPECT_TRUE(r.out.empty()) << r.out;
