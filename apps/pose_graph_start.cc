@@ -3,21 +3,13 @@
 #include <cmath>
 #include <optional>
 
+#include "oriel/io/information.h"
 #include "oriel/io/landmarks.h"
 #include "oriel/residual/loss.h"
 #include "oriel/residual/pose_graph.h"
 
 namespace oriel::apps {
 namespace {
-
-// rᵀ Ω r: the information as written, not its root, since nothing is linearized here.
-template <int N>
-double squared_norm(const Vec<double, N>& r, const Mat<double, N, N>& information) {
-  double sum = 0.0;
-  for (int j = 0; j < N; ++j)
-    for (int i = 0; i < N; ++i) sum += r[i] * information(i, j) * r[j];
-  return sum;
-}
 
 template <class Residual, class Pose, class Edge>
 double cost_of(const PoseGraphFile& file, const std::vector<Edge>& edges, const std::vector<Pose>& poses,

@@ -108,6 +108,8 @@ TEST_F(SolveCommand, StartsWhereItCostsLessUnlessToldWhere) {
   EXPECT_LT(chained["initial_cost"].get<double>(), from_file["initial_cost"].get<double>());
   EXPECT_EQ(best["start"], "chordal");
   EXPECT_EQ(solve(data("sphere2500.g2o") + " --iterations 0")["start"], "chordal");
+  ASSERT_EQ(oriel("solve " + file + " --out " + path("solved.g2o")).exit_code, 0);
+  EXPECT_EQ(solve(path("solved.g2o"))["start"], "file");  // nothing costs less than the minimum
 }
 
 TEST_F(SolveCommand, LeavesPosesThatFixHoldsWhereTheFileHasThem) {

@@ -12,6 +12,15 @@ Mat<double, N, N> from_upper(const double* upper) {
   return a;
 }
 
+// rᵀ Ω r, with the information as written: where nothing is linearized its root is not needed.
+template <int N>
+double squared_norm(const Vec<double, N>& r, const Mat<double, N, N>& information) {
+  double sum = 0.0;
+  for (int j = 0; j < N; ++j)
+    for (int i = 0; i < N; ++i) sum += r[i] * information(i, j) * r[j];
+  return sum;
+}
+
 // To rounding, whatever the units of its rows.
 bool positive_semidefinite(const double* upper, int n);
 

@@ -51,16 +51,12 @@ std::vector<char> place_first(const std::vector<Sighting>& sightings, std::vecto
   return known;
 }
 
-// rᵀ Ω r, with the information as written, since nothing is linearized here.
+// ½ρ(rᵀ Ω r).
 template <int N, class Residual, class... Value>
 double cost_of(const Residual& residual, const double* information, const Loss& loss, const Value&... values) {
   Vec<double, N> r;
   if (!residual.evaluate(values..., r, nullptr, nullptr)) return 0.0;
-  const Mat<double, N, N> omega = from_upper<N>(information);
-  double squared = 0.0;
-  for (int j = 0; j < N; ++j)
-    for (int i = 0; i < N; ++i) squared += r[i] * omega(i, j) * r[j];
-  return 0.5 * evaluate_loss(loss.kind, loss.scale, squared).rho;
+  return 0.5 * evaluate_loss(loss, squared_norm(r, from_upper<N>(information))).rho;
 }
 
 template <class Point>

@@ -11,6 +11,7 @@
 #include "oriel/io/chain_odometry.h"
 #include "oriel/io/information.h"
 #include "oriel/io/landmarks.h"
+#include "oriel/io/pose_start.h"
 #include "oriel/residual/bal.h"
 #include "oriel/residual/landmark2.h"
 #include "oriel/residual/landmark3.h"
@@ -151,22 +152,12 @@ class Survey {
   std::vector<Link> links_;
 };
 
-Pose3d pose_of(const PoseGraphFile::SpatialPose& p) { return {Rot3d{p.qx, p.qy, p.qz, p.qw}, p.t}; }
-Pose2d pose_of(const Vec3d& p) { return {Rot2d::exp(p[2]), {{p[0], p[1]}}}; }
-
-template <int N>
-double squared_norm(const Vec<double, N>& r, const double* information) {
-  const Mat<double, N, N> omega = from_upper<N>(information);
-  double sum = 0.0;
-  for (int j = 0; j < N; ++j)
-    for (int i = 0; i < N; ++i) sum += r[i] * omega(i, j) * r[j];
-  return sum;
-}
-
 template <class Residual, class Edge, class... Value>
 double squared_at(const Residual& residual, const Edge& e, const Value&... values) {
   Vec<double, Residual::kDim> r;
-  return residual.evaluate(values..., r, nullptr, nullptr) ? squared_norm(r, e.information.data()) : 0.0;
+  return residual.evaluate(values..., r, nullptr, nullptr)
+             ? squared_norm(r, from_upper<Residual::kDim>(e.information.data()))
+             : 0.0;
 }
 
 std::vector<Link> links_of(const PoseGraphFile& f) {

@@ -7,6 +7,7 @@
 namespace oriel {
 
 void HessianProduct::prepare(const LinearStructure& structure) {
+  if (version_ == structure.version()) return;
   version_ = structure.version();
   kept_dim_ = structure.kept_dim();
   blocks_.clear();

@@ -1,5 +1,5 @@
-// y = H x, for steps that need no factorization: how far down the gradient points (Powell's dogleg), and conjugate
-// gradients.
+// y = H x where no factorization is asked: how far down the gradient points (Powell's dogleg), conjugate gradients, and
+// what an undetermined direction moves.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -10,17 +10,16 @@ namespace oriel {
 
 class HessianProduct {
  public:
-  // Lists the blocks. Once a structure.
+  // Lists the blocks, once a structure.
   void prepare(const LinearStructure& structure);
-  std::uint64_t structure_version() const { return version_; }
 
   // Kept with kept alone; `h` in the layout of the factorization, x and y kept_dim() values in the order of a step.
   void kept(const double* h, const double* x, double* y) const;
   // The whole of it, landmarks too: dim() values.
   void whole(const LinearStructure& structure, const LinearSystem& system, const double* x, double* y);
 
-  // y += Σ W x_l and y_l = Wᵀ x (+ V x_l): the parts of one landmark, whose neighbours stand apart in a step.
-  // gather: x of the neighbours of `l`, side by side, l.rows values; scatter adds back.
+  // The neighbours of a landmark stand apart in a step, and side by side in the rows of its W: gather takes l.rows
+  // values of x from there, scatter adds as many to y.
   static void gather(const LinearStructure& structure, const LandmarkBlock& l, const double* x, double* out);
   static void scatter(const LinearStructure& structure, const LandmarkBlock& l, const double* in, double* y);
 

@@ -66,7 +66,7 @@ bool Minimizer::start() {
   if (options_.method == Method::dogleg) {
     const double radius = s.landmarks().empty() ? HUGE_VAL : 1e4;
     e_.dogleg_.start(options_.initial_radius > 0.0 ? options_.initial_radius : radius);
-    if (e_.product_.structure_version() != s.version()) e_.product_.prepare(s);
+    e_.product_.prepare(s);
   }
   fallbacks_before_ = e_.linearizer_.kernel_fallbacks();
   e_.solution_.version = e_.graph_->version();  // what the user sets from now on (in a callback) is newer (C5)

@@ -18,37 +18,6 @@ constexpr double kNullPivot = 1e-10;     // of the diagonal of H
 constexpr double kHidden = 1e4;          // times λ: pivots up to there may be null ones that damping hides
 constexpr double kHold = 1e8;            // times the diagonal: what holds a scalar
 
-// y += column of H · x, both in elimination order. The column is that of the front's row j; of its rows those from the
-// diagonal down are read, and `scalar` says where each row of the front stands.
-void multiply_column(std::span<const Run> runs, const double* column, int j, const std::vector<int>& scalar,
-                     const std::vector<double>& x, std::vector<double>& y) {
-  for (const Run& run : runs)
-    for (int i = 0; i < run.length; ++i) {
-      const int row = run.other + i;
-      const double v = column[run.row + i];
-      if (row >= j) y[scalar[row]] += v * x[scalar[j]];
-      if (row > j) y[scalar[j]] += v * x[scalar[row]];
-    }
-}
-
-// y = H x for H in the layout of the factorization's input; both in elimination order.
-void multiply(const Symbolic& symbolic, const double* h, const std::vector<double>& x, std::vector<double>& y) {
-  std::fill(y.begin(), y.end(), 0.0);
-  std::vector<int> scalar;
-  for (const Front& f : symbolic.fronts()) {
-    scalar.assign(f.n, 0);
-    for (int i = 0; i < f.p; ++i) scalar[i] = f.first_scalar + i;
-    for (const Run& r : symbolic.spans(f))
-      for (int i = 0; i < r.length; ++i) scalar[r.row + i] = r.other + i;
-    for (int k = f.first_position, j = 0; k < f.first_position + f.pivot_blocks; ++k) {
-      const int block = symbolic.order()[k];
-      const Symbolic::MatrixColumn& column = symbolic.matrix_column(block);
-      for (int c = 0; c < symbolic.dim(block); ++c, ++j)
-        multiply_column(symbolic.runs(column), h + column.offset + std::int64_t{c} * column.ld, j, scalar, x, y);
-    }
-  }
-}
-
 // What hangs together: variables that share a factor or a prior, through landmarks too. Blocks are numbered kept ones
 // first, then landmarks.
 class Components {
@@ -279,7 +248,8 @@ void Minimizer::name_undetermined(const double* h, const std::vector<int>& null)
   const LinearStructure& s = e_.structure_;
   Multifrontal& factorization = e_.structure_.factorization();
   Namer namer(*e_.graph_, s, e_.system_.diagonal);
-  std::vector<double> n(s.dim()), unit(s.kept_dim()), product(s.kept_dim()), rhs(s.kept_dim());
+  std::vector<double> n(s.dim()), rhs(s.kept_dim());
+  e_.product_.prepare(s);
   for (std::size_t k = 0; k < e_.schur_.undetermined().size() && k < kMostDirections; ++k) {
     std::fill(n.begin(), n.end(), 0.0);
     n[e_.schur_.undetermined()[k]] = 1.0;
@@ -288,9 +258,7 @@ void Minimizer::name_undetermined(const double* h, const std::vector<int>& null)
   for (std::size_t k = 0; k < null.size() && k < kMostDirections; ++k) {
     std::fill(n.begin(), n.end(), 0.0);
     n[null[k]] = -1.0;
-    factorization.to_elimination_order(n.data(), unit.data());
-    multiply(factorization.symbolic(), h, unit, product);
-    factorization.from_elimination_order(product.data(), rhs.data());
+    e_.product_.kept(h, n.data(), rhs.data());
     for (const int i : null) rhs[i] = 0.0;
     factorization.solve(rhs.data(), n.data());
     for (const int i : null) n[i] = i == null[k] ? 1.0 : 0.0;
