@@ -185,6 +185,45 @@ TEST(Graph, MarginalizesALeavingVariableOutOfALinearPriorAndKeepsTheRest) {  // 
   }
 }
 
+// a is tied to b alone: when b has left, the prior says nothing of a any more, and a left in it would tie what leaves
+// together with a later on.
+TEST(Graph, TakesWhatAPriorKnowsNothingOfAnyMoreOutOfIt) {  // V6, M11
+  Graph graph;
+  GraphEdit edit = graph.edit();
+  const auto a = edit.add(V1{});
+  const auto b = edit.add(V1{});
+  const auto c = edit.add(V1{});
+  LinearPrior prior;
+  prior.variables = {a, b, c};
+  prior.estimates = {0.25, 0.5, 0.75};
+  prior.rows = 2, prior.cols = 3;
+  prior.R = {0.3, 0.0, -0.3, 0.7, 0.0, 0.9};  // rows: a - b, and b and c, both of no round numbers
+  prior.d = {1.0, 2.0};
+  edit.add(prior);
+  ASSERT_TRUE(graph.apply(edit));
+  GraphEdit removal = graph.edit();
+  removal.remove(b);
+  removal.remove(c);
+  ASSERT_TRUE(graph.apply(removal));
+  EXPECT_EQ(graph.factor_count(), 0u) << "no row is left that says anything of a";
+
+  edit = graph.edit();
+  const auto d = edit.add(V1{}), e = edit.add(V1{}), f = edit.add(V1{});
+  prior.variables = {d, e, f};
+  prior.R = {0.3, 0.0, -0.3, 0.0, 0.0, 0.9};  // d - e, and f
+  edit.add(prior);
+  ASSERT_TRUE(graph.apply(edit));
+  GraphEdit again = graph.edit();
+  again.remove(e);
+  ASSERT_TRUE(graph.apply(again));
+  ASSERT_EQ(graph.factor_count(), 1u);
+  int of_d = 0, of_f = 0;
+  graph.for_each_factor(d, [&](auto, auto) { ++of_d; });
+  graph.for_each_factor(f, [&](auto, auto) { ++of_f; });
+  EXPECT_EQ(of_d, 0);
+  EXPECT_EQ(of_f, 1);
+}
+
 TEST(Graph, KeepsNumbersAndFirstEstimatesOfPriorsThroughCompaction) {  // V6
   std::mt19937 random(5);
   Graph graph;

@@ -174,7 +174,7 @@ class FuzzOperations {
     auto at = model_.landmarks.begin();
     std::advance(at, w_.any(static_cast<int>(model_.landmarks.size())));
     const int l = *at;
-    if (model_.is_faint({What::landmark, l})) return;
+    if (is_faint({What::landmark, l})) return;
     w_.window.core().edit().remove(*w_.builder->landmarks[l]);
     if (!w_.window.core().commit().ok()) return void(wrong("a landmark could not be removed"));
     model_.remove({What::landmark, l});
@@ -277,9 +277,13 @@ class FuzzOperations {
     const bool marginalize = w_.any(2) == 0;
     if (!marginalize && &s == line.latest()) return;
     for (const Unknown& u : WindowModel::unknowns(chain, s.time))
-      if (!marginalize && model_.is_faint(u)) return;
+      if (!marginalize && is_faint(u)) return;
     using How = LeavingState::How;
     policy_->extra = LeavingState{{chain}, s.time, marginalize ? How::marginalize : How::remove};
+  }
+  bool is_faint(const Unknown& u) {
+    model_.theirs = priors_of(w_, model_.landmarks);
+    return model_.is_faint(u);
   }
   void set_lag() {
     const int least = 1 + w_.any(3);

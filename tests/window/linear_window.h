@@ -158,7 +158,7 @@ struct LinearWindow {
   // A linear problem is solved by one step that is hardly damped, and polished by another.
   static WindowOptions exact() {
     WindowOptions options;
-    options.solve.initial_lambda = 1e-14;
+    options.solve.initial_lambda = 1e-16;  // a step that is short by more would be too small to lower the cost again
     options.solve.function_tolerance = 0.0;
     options.solve.max_iterations = 4;
     options.marginalize.landmarks = LandmarkPolicy::keep;

@@ -90,6 +90,15 @@ inline Eigen::MatrixXd null_space(const Eigen::ColPivHouseholderQR<Eigen::Matrix
   return qr.colsPermutation() * N;
 }
 
+// The solution that is zero in the unknowns beyond the rank. (Eigen's own divides by the pivots that are rounding.)
+inline Eigen::VectorXd solved(const Eigen::ColPivHouseholderQR<Eigen::MatrixXd>& qr, const Eigen::VectorXd& b) {
+  const Eigen::Index r = qr.rank();
+  const Eigen::VectorXd c = qr.householderQ().transpose() * b;
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(qr.cols());
+  x.head(r) = qr.matrixR().topLeftCorner(r, r).triangularView<Eigen::Upper>().solve(c.head(r));
+  return qr.colsPermutation() * x;
+}
+
 inline ModelPrior prior_of(const ModelRow& row) {
   ModelPrior prior;
   std::map<Unknown, int> at;

@@ -93,6 +93,7 @@ class WindowFuzz : FuzzOperations {
     }
     for (const int l : model_.landmarks) keys_[{What::landmark, l}] = *w_.builder->landmarks[l];
     first_motion_[0] = w_.position->moved.first(), first_motion_[1] = w_.level->moved.first();
+    model_.theirs = priors_of(w_, model_.landmarks);
     policy_->chosen.clear();
     policy_->paused = faulty_;
   }

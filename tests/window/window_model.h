@@ -23,8 +23,9 @@ class WindowModel {
   Increments<2> moved;
   Increments<4> levelled;
   std::set<int> landmarks;
-  bool faint = false;  // something was dropped of which a prior knew next to nothing
-  std::string wrong;   // what the window did that it may not do
+  std::vector<Prior> theirs;  // the window's priors when it was last looked at
+  bool faint = false;         // something was dropped of which a prior knew next to nothing
+  std::string wrong;          // what the window did that it may not do
 
   // ---- of late groups ----
   bool remembers = false;
@@ -160,14 +161,16 @@ class WindowModel {
   // ---- what is known ----
   // Whether a prior knows so little of it that what is left without it hangs on how much of that little is rounding:
   // what is not known at all takes nothing along when it is removed, and what is known ever so faintly does.
+  // Of its own priors and the window's, which need not take the same for rounding.
   bool is_faint(const Unknown& u) const {
-    return std::any_of(priors_.begin(), priors_.end(), [&](const Prior& p) {
+    const auto faint_in = [&](const Prior& p) {
       if (!p.names(u)) return false;
       const double all = p.R.cwiseAbs().maxCoeff();
       const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(p.columns(u));
       const Eigen::VectorXd s = qr.matrixR().diagonal().cwiseAbs();
       return (s.array() > kRounding * all && s.array() < kFaint * all).any();
-    });
+    };
+    return std::any_of(priors_.begin(), priors_.end(), faint_in) || std::any_of(theirs.begin(), theirs.end(), faint_in);
   }
   bool lives(const Unknown& u) const {
     if (u.what == What::landmark) return landmarks.count(static_cast<int>(u.number)) > 0;
@@ -223,7 +226,7 @@ class WindowModel {
     if (n == 0) return out;
     Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A.rows(), A.cols());
     qr.setThreshold(algebra::kNegligible).compute(A);
-    const Eigen::VectorXd x = qr.solve(b);
+    const Eigen::VectorXd x = algebra::solved(qr, b);
     const Eigen::MatrixXd N = algebra::null_space(qr);
     for (const auto& [u, first] : at)
       if (N.middleRows(first, u.dim()).isZero(1e-9)) out[u] = x.segment(first, u.dim());

@@ -125,28 +125,39 @@ void EditCommit::derive_priors() {
     if (std::find(removed.begin(), removed.end(), g_.priors_.slots().key(row)) == removed.end()) derive_prior(row);
 }
 
+bool EditCommit::leaves(const VariableRef& ref) const {
+  const VariablePool& pool = *g_.pools_[ref.pool];
+  const edit::Variables* c = edit_.find_variables(pool.ops().key);
+  return c != nullptr && c->removes(pool.slots().key_of_slot(ref.slot));
+}
+
+// What a prior says of the variables that stay, once the leaving ones are marginalized out of it alone.
 void EditCommit::derive_prior(std::uint32_t row) {
   const LinearPriorView numbers = g_.priors_.numbers(row);
   std::vector<double> R(numbers.R, numbers.R + static_cast<std::size_t>(numbers.rows) * numbers.cols);
-  std::vector<char> leaves;
+  std::vector<char> leaving;
+  for (const VariableRef& ref : g_.priors_.variables(row))
+    leaving.insert(leaving.end(), g_.pools_[ref.pool]->ops().dim, leaves(ref));
   LinearPrior rest;
   rest.d.assign(numbers.d, numbers.d + numbers.rows);
+  const int rows = marginalize_columns(numbers.rows, numbers.cols, leaving, R, rest.d);
   const double* estimate = g_.priors_.estimates(row);
+  auto column = R.cbegin();
   for (const VariableRef& ref : g_.priors_.variables(row)) {
     const VariablePool& pool = *g_.pools_[ref.pool];
-    const VariableOps& ops = pool.ops();
-    const SlotKey key = pool.slots().key_of_slot(ref.slot);
-    const edit::Variables* c = edit_.find_variables(ops.key);
-    const bool leaving = c != nullptr && c->removes(key);
-    leaves.insert(leaves.end(), ops.dim, leaving);
-    if (!leaving) {
-      rest.variables.push_back({ops.key, key});
-      rest.estimates.insert(rest.estimates.end(), estimate, estimate + estimate_doubles(ops));
+    const std::ptrdiff_t size = estimate_doubles(pool.ops());
+    if (!leaves(ref)) {
+      const auto end = column + static_cast<std::ptrdiff_t>(rows) * pool.ops().dim;
+      // Of which nothing is known any more, it is no part of the prior: it would tie what has nothing in common (M11).
+      if (std::any_of(column, end, [](double x) { return x != 0.0; })) {
+        rest.variables.push_back({pool.ops().key, pool.slots().key_of_slot(ref.slot)});
+        rest.estimates.insert(rest.estimates.end(), estimate, estimate + size);
+        rest.R.insert(rest.R.end(), column, end);
+      }
+      column = end;
     }
-    estimate += estimate_doubles(ops);
+    estimate += size;
   }
-  const int rows = marginalize_columns(numbers.rows, numbers.cols, leaves, R, rest.d);
-  rest.R = std::move(R);
   g_.derived_.priors().removed.push_back(g_.priors_.slots().key(row));
   if (rows == 0 || rest.variables.empty()) return;
   edit::Priors& p = g_.derived_.priors();

@@ -15,6 +15,7 @@ class EditCommit {
   void resolve_references();
   void give_serials();
   void derive_priors();
+  bool leaves(const VariableRef& ref) const;
   void derive_prior(std::uint32_t row);
   void reserve();
   void remove_factors();
