@@ -52,12 +52,15 @@ class ModelLedger {
     return false;
   }
 
-  // It was removed, and what is there under its name from now on is something else.
+  // What is there under its name from now on is something else: it was removed, or has left at the newest end and is
+  // made anew. `renamed` hears of the name under which it is remembered.
   void disown(const Unknown& u) {
     const Unknown nobody{u.what, -++strangers_};
     for (Entry& e : entries_)
-      for (auto* names : {&e.c.given, &e.named}) std::replace(names->begin(), names->end(), u, nobody);
+      for (auto* names : {&e.c.gone, &e.c.given, &e.named}) std::replace(names->begin(), names->end(), u, nobody);
+    if (renamed) renamed(u, nobody);
   }
+  std::function<void(const Unknown&, const Unknown&)> renamed;
 
   // What a late row says of what lives; nothing if the way is cut.
   std::optional<ModelPrior> fold(const ModelRow& late, const Lives& lives) {

@@ -11,6 +11,9 @@ class WindowFuzz : FuzzOperations {
   using FuzzOperations::Counts;
 
   explicit WindowFuzz(unsigned seed) : FuzzOperations(seed) {
+    model_.ledger.renamed = [this](const Unknown& u, const Unknown& now) {
+      if (keys_.count(u) > 0) keys_[now] = keys_[u];
+    };
     set_lag();
     (void)w_.window.update();
   }

@@ -65,6 +65,7 @@ class WindowModel {
   void add_state(int chain, Time time) {
     Chain& line = chains[chain];
     if (line.count(time) > 0) return;
+    for (const Unknown& u : unknowns(chain, time)) ledger.disown(u);
     const auto after = line.upper_bound(time);
     if (line.empty()) {
       for (const Unknown& u : unknowns(chain, time))

@@ -30,7 +30,9 @@ void LateFusion::after_slide(const Graph&, const States&, bool slid) {
   }
   Time newest = States::kNever;
   for (const Left& l : leaving_) {
-    left(l.provider).insert(l.state);
+    Timeline<State>& line = left(l.provider);
+    line.remove(l.state.time);  // one that left there before, at the newest end, and was made anew
+    line.insert(l.state);
     newest = std::max(newest, l.state.time);
   }
   ledger_.commit(newest);
