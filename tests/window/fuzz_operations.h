@@ -19,6 +19,7 @@ struct FuzzPolicy final : WindowPolicy {
   LagPolicy lag;
   std::optional<LeavingState> extra;
   std::vector<LeavingState> chosen;
+  std::vector<State> states_chosen;  // one may have come in the same update
   bool paused = false;
   void choose(const Graph& graph, const States& states, std::vector<LeavingState>& leaving) override {
     if (paused) return;
@@ -29,6 +30,8 @@ struct FuzzPolicy final : WindowPolicy {
       leaving.push_back(*extra);
     extra.reset();
     chosen = leaving;
+    states_chosen.clear();
+    for (const LeavingState& l : leaving) states_chosen.push_back(*states.timeline(l.provider).find(l.time));
   }
 };
 

@@ -84,20 +84,21 @@ class WindowFuzz : FuzzOperations {
     w_.position->faults = {}, faulty_ = false;
     return difference_.empty() && !over_;
   }
+  void learn_keys(int chain, const State& s) {
+    const auto unknowns = WindowModel::unknowns(chain, s.time);
+    for (std::size_t k = 0; k < unknowns.size(); ++k) keys_[unknowns[k]] = s.variables[k];
+  }
   void remember_before() {
     before_ = values_of(w_, model_.landmarks);
     ids_before_ = w_.builder->landmarks;
     for (int c = 0; c < 2; ++c) {
       model_.horizons[c] = w_.window.states().horizon({c});
-      for (const State& s : w_.window.states().timeline({c})) {
-        const auto unknowns = WindowModel::unknowns(c, s.time);
-        for (std::size_t k = 0; k < unknowns.size(); ++k) keys_[unknowns[k]] = s.variables[k];
-      }
+      for (const State& s : w_.window.states().timeline({c})) learn_keys(c, s);
     }
     for (const int l : model_.landmarks) keys_[{What::landmark, l}] = *w_.builder->landmarks[l];
     first_motion_[0] = w_.position->moved.first(), first_motion_[1] = w_.level->moved.first();
     model_.theirs = priors_of(w_, model_.landmarks);
-    policy_->chosen.clear();
+    policy_->chosen.clear(), policy_->states_chosen.clear();
     policy_->paused = faulty_;
   }
   void count(const WindowUpdate& u) {
@@ -188,6 +189,8 @@ class WindowFuzz : FuzzOperations {
     return model_.is_cut(chain, between->first) || model_.is_cut(chain, between->second);
   }
   void leave() {
+    for (std::size_t k = 0; k < policy_->chosen.size(); ++k)
+      learn_keys(policy_->chosen[k].provider.index, policy_->states_chosen[k]);
     std::vector<std::pair<int, Time>> marginalized;
     for (const LeavingState& l : policy_->chosen) {
       const bool gone = w_.window.states().timeline(l.provider).find(l.time) == nullptr;
