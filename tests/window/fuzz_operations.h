@@ -31,7 +31,10 @@ struct FuzzPolicy final : WindowPolicy {
     extra.reset();
     chosen = leaving;
     states_chosen.clear();
-    for (const LeavingState& l : leaving) states_chosen.push_back(*states.timeline(l.provider).find(l.time));
+    for (const LeavingState& l : leaving) {
+      const State* s = states.timeline(l.provider).find(l.time);  // a rejected group may have taken the state along
+      states_chosen.push_back(s != nullptr ? *s : State{});
+    }
   }
 };
 

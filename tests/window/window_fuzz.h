@@ -190,7 +190,7 @@ class WindowFuzz : FuzzOperations {
   }
   void leave() {
     for (std::size_t k = 0; k < policy_->chosen.size(); ++k)
-      learn_keys(policy_->chosen[k].provider.index, policy_->states_chosen[k]);
+      if (policy_->states_chosen[k].count > 0) learn_keys(policy_->chosen[k].provider.index, policy_->states_chosen[k]);
     std::vector<std::pair<int, Time>> marginalized;
     for (const LeavingState& l : policy_->chosen) {
       const bool gone = w_.window.states().timeline(l.provider).find(l.time) == nullptr;
