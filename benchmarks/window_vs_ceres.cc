@@ -97,6 +97,7 @@ void sample(Side& side, SlideReport (Side::*update)(), Samples& samples) {
 // Each keyframe is followed by a frame that is none.
 template <class Side>
 void run_block(Side& side, int slides, bool frames_between, Updates& updates) {
+  for (Samples* s : {&updates.keyframes, &updates.others}) s->reserve(slides);  // that is not the window's to ask for
   for (int i = 0; i < slides; ++i) {
     sample(side, &Side::slide, updates.keyframes);
     if (frames_between) sample(side, &Side::pass, updates.others);
@@ -197,6 +198,7 @@ int race(const Arguments& a, nlohmann::json& out) {
   const bool alone = a.setting == "none";
   const CeresSetting setting = alone ? CeresSetting{} : best_setting(data, a);
   OrielWindow oriel(data, a.window);
+  oriel.rehearse();
   CeresWindow ceres(data, a.window, setting);
   fill(oriel, a);
   if (!alone) fill(ceres, a);

@@ -1,5 +1,7 @@
 #include "benchmarks/support/oriel_window.h"
 
+#include <algorithm>
+
 #include "benchmarks/support/clocks.h"
 
 namespace oriel::benchmark {
@@ -56,6 +58,30 @@ SlideReport OrielWindow::pass() {
   report.build = t1 - t0, report.solve = t2 - t1, report.fold = t3 - t2, report.wall = t3 - t0;
   count(report);
   return report;
+}
+
+void OrielWindow::rehearse() {
+  const int window = options_.window;
+  options_.window = window + std::max(3, window / 3);
+  states_.reserve(static_cast<std::size_t>(options_.window) + 1);
+  for (int i = 0; i < options_.window + 2; ++i) {
+    (void)slide();
+    (void)pass();
+  }
+  options_.window = window;
+  clear();
+}
+
+void OrielWindow::clear() {
+  edit_.clear();
+  for (const auto& pool : graph_.pools())
+    for (std::uint32_t d = 0; d < pool->extent(); ++d)
+      if (pool->slots().is_live(d)) edit_.remove(VariableKey{pool->ops().key, pool->slots().key(d)});
+  apply(edit_);
+  engine_.restore({});
+  states_.clear();
+  for (Landmark& l : landmarks_) l = {};
+  next_ = 0;
 }
 
 // With all factors on it.

@@ -13,6 +13,9 @@ class OrielWindow {
  public:
   OrielWindow(const WindowData& data, const WindowOptions& options);
 
+  // Before the first keyframe: a window that is fuller than any later one comes and goes, as window/rehearse.h does it
+  // for InertialOdometry. What grows has grown then.
+  void rehearse();
   // Adds the next keyframe, solves, and where the window is full lets the oldest one go.
   SlideReport slide();
   // Takes in the frame after the newest keyframe, solves, and takes it out again.
@@ -36,6 +39,7 @@ class OrielWindow {
   void apply(GraphEdit& edit);
   void fold_oldest();
   void remove_newest();
+  void clear();
   void count(SlideReport& report) const;
 
   const WindowData& data_;

@@ -14,6 +14,10 @@ struct Samples {
   std::vector<SlideReport> reports;
   std::vector<std::int64_t> allocations;
   std::vector<double> column(double SlideReport::*member) const;
+  void reserve(int more) {
+    reports.reserve(reports.size() + static_cast<std::size_t>(more));
+    allocations.reserve(allocations.size() + static_cast<std::size_t>(more));
+  }
 };
 
 // How far two sides came to the same results.
