@@ -10,6 +10,7 @@ namespace oriel::apps {
 using AddCommand = void (*)(CLI::App& app, int& exit_code);
 
 void add_solve_command(CLI::App& app, int& exit_code);
+void add_compare_command(CLI::App& app, int& exit_code);
 void add_info_command(CLI::App& app, int& exit_code);
 void add_import_command(CLI::App& app, int& exit_code);
 void add_evaluate_command(CLI::App& app, int& exit_code);

@@ -7,6 +7,7 @@
 #include "apps/arguments.h"
 #include "apps/command.h"
 #include "apps/commands.h"
+#include "apps/engine_choice.h"
 #include "apps/loss_argument.h"
 #include "apps/solve_files.h"
 #include "oriel/io/text.h"
@@ -18,7 +19,7 @@ namespace {
 struct SolveArguments {
   std::vector<std::string> files;
   std::string method = "lm", linear_solver = "auto", loss = "none", init = "auto", rotation_error = "quaternion",
-              loss_on, information = "refuse", isam_noise = "information", out, svg, json;
+              engine = "native", loss_on, information = "refuse", isam_noise = "information", out, svg, json;
   int iterations = 100, threads = 1;
   std::vector<std::string> covariance;
   bool graduated = false, joint = false, verbose = false;
@@ -97,7 +98,7 @@ Result<int> solve_all(const SolveArguments& a) {
   int exit_code = kSolved;
   for (BatchProblem& problem : *problems) {
     Result<SolvedFile> file =
-        solve_problem(problem, {solve_options(a), {a.out, a.svg}, a.graduated, {a.covariance, a.joint}});
+        solve_problem(problem, {solve_options(a), {a.out, a.svg}, a.graduated, {a.covariance, a.joint}, a.engine});
     if (!file) return file.error();
     if (!file->converged()) exit_code = kNotConverged;
     if (a.json != "-") std::fputs(solve_text(*file, a.verbose).c_str(), stdout);
@@ -109,7 +110,20 @@ Result<int> solve_all(const SolveArguments& a) {
   return exit_code;
 }
 
+// What only the native engine can do.
+Result<void> check_engine(const SolveArguments& a) {
+  if (a.engine == "native") return {};
+  const char* option = a.graduated ? "--gnc" : !a.covariance.empty() ? "--covariance" : nullptr;
+  if (option != nullptr) return Error{ErrorCode::bad_input, std::string(option) + ": expected --engine native"};
+  return {};
+}
+
 int run(const SolveArguments& a) {
+  if (auto ok = check_engine(a); !ok) return refuse(ok.error());
+  if (!has_engine(a.engine)) {
+    const Result<std::string> program = program_of(a.engine);
+    return refuse(program ? become(*program) : program.error());
+  }
   const Result<int> exit_code = solve_all(a);
   return exit_code ? *exit_code : refuse(exit_code.error());
 }
@@ -127,6 +141,9 @@ void add_solve_command(CLI::App& app, int& exit_code) {
   command->add_option("FILE", a->files, "Problem files, g2o or BAL by their content")->required();
   command->add_option("--method", a->method, "Levenberg-Marquardt, Powell's dogleg or Gauss-Newton")
       ->check(one_of({"lm", "dogleg", "gn"}))
+      ->capture_default_str();
+  command->add_option("--engine", a->engine, "native, or ceres where it is built (oriel-ceres)")
+      ->check(one_of({std::begin(kEngines), std::end(kEngines)}))
       ->capture_default_str();
   command->add_option("--linear-solver", a->linear_solver, "Of what is left without landmarks; auto: by its size")
       ->check(one_of({"auto", "direct", "cg"}))

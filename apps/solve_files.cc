@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "apps/command.h"
+#include "apps/engine_choice.h"
 #include "oriel/io/text.h"
 #include "oriel/solve/graduated.h"
 #include "oriel/solve/native_engine.h"
@@ -19,6 +20,10 @@ Result<void> write_targets(BatchProblem& problem, const SolveTargets& targets, c
 }
 
 Result<void> solve(BatchProblem& problem, NativeEngine& engine, const SolveSettings& settings, SolvedFile& f) {
+  if (settings.engine != engine.name()) {
+    f.summary = make_engine(settings.engine, *problem.graph)->solve(settings.options);
+    return {};
+  }
   if (!settings.graduated) {
     f.summary = engine.solve(settings.options);
     return {};

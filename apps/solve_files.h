@@ -19,9 +19,10 @@ struct SolveSettings {
   SolveTargets targets;
   bool graduated = false;  // in rounds: solve/graduated.h
   CovarianceRequest covariance;
+  std::string engine = "native";  // the others know neither graduation nor covariance
 };
 
-// Solves with the engine of this library. Targets are written unless the solve failed.
+// Targets are written unless the solve failed.
 Result<SolvedFile> solve_problem(BatchProblem& problem, const SolveSettings& settings);
 
 }  // namespace oriel::apps
