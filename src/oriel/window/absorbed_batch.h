@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "oriel/residual/batch.h"
+#include "oriel/residual/loss.h"
 #include "oriel/window/marginal_scope.h"
 
 namespace oriel {
@@ -20,6 +21,13 @@ struct AbsorbedBatch {
   // Place in the scope's variables of argument a of lane l: variable[l * kLargestArity + a].
   std::int32_t variable[Batch::kRows * kLargestArity];
 };
+
+// Is the whitened residual of lane l longer than t? A loss grows with the residual, so a cost above the threshold's
+// says so; where the loss has ended, and gives it no weight, it is out in any case.
+inline bool is_outlier(const Batch& batch, int l, const Loss& loss, double t) {
+  if (batch.cost[l] > 0.5 * evaluate_loss(loss, t * t).rho) return true;
+  return loss.kind != LossKind::none && batch.weight[l] == 0.0;
+}
 
 // An old prior at the point of linearization: r + R δ, column by column of the scope's component (-1: no column).
 struct AbsorbedPrior {

@@ -169,7 +169,7 @@ LateOutcome LateLedger::evaluate(const DetachedFactor& f, int first) {
   f.ops->linearize(pointers, batch);
   if ((batch.valid & 1) == 0) return LateOutcome::invalid;
   const double t = options_.outlier_threshold;
-  if (t > 0.0 && batch.cost[0] > 0.5 * evaluate_loss(f.loss, t * t).rho) return LateOutcome::outlier;
+  if (t > 0.0 && is_outlier(batch, 0, f.loss, t)) return LateOutcome::outlier;
   take_rows(f, batch, first);
   return LateOutcome::folded;
 }

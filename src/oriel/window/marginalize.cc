@@ -129,15 +129,13 @@ void Marginalizer::evaluate(const Graph& graph, std::span<const MarginalRow> row
     sum_.add(batch_);
 }
 
-// A loss grows with the residual, so a residual above the threshold is a cost above the threshold's.
 void Marginalizer::judge(const FactorTable& table, Batch& batch, const MarginalizeOptions& options,
                          MarginalizeReport& report) {
   report.dropped_invalid += batch.rows - std::popcount(batch.valid);
   const double t = options.outlier_threshold;
   for (int l = 0; t > 0.0 && l < batch.rows; ++l) {
     if (((batch.valid >> l) & 1) == 0) continue;
-    const Loss& loss = table.loss(table_rows_[l]);
-    if (batch.cost[l] <= 0.5 * evaluate_loss(loss, t * t).rho) continue;
+    if (!is_outlier(batch, l, table.loss(table_rows_[l]), t)) continue;
     clear_lane(batch, l);
     ++report.dropped_outliers;
   }

@@ -32,7 +32,8 @@ enum class SquareRootMethod { automatic, qr, schur };  // automatic: QR where it
 struct MarginalizeOptions {
   LandmarkPolicy landmarks = LandmarkPolicy::close;
   bool first_estimates = true;
-  // A factor whose whitened residual is longer than this is dropped and counted [sigmas]; 0: none is.
+  // A factor whose whitened residual is longer than this is dropped and counted [sigmas], and so is one that its loss
+  // gives no weight; 0: none is.
   double outlier_threshold = 0.0;
   // A leaving scalar that no factor determines: an error that names it, or what the rest says is kept without it.
   bool fail_if_undetermined = false;
