@@ -1,6 +1,7 @@
 #include "oriel/window/keyframe_policy.h"
 
 #include <algorithm>
+#include <string>
 
 namespace oriel {
 
@@ -9,6 +10,29 @@ bool is_keyframe(const KeyframeRules& rules, const FrameOverlap& overlap, Durati
   if (overlap.tracks == 0) return false;  // it sees nothing that it could be a key to
   if (overlap.shared < rules.least_shared * overlap.tracks) return true;
   return overlap.shared > 0 && overlap.parallax >= rules.parallax;
+}
+
+KeyframePolicy::KeyframePolicy(ProviderId provider, Overlap overlap, const KeyframeRules& rules)
+    : provider_(provider), overlap_(std::move(overlap)) {
+  check(set(rules).ok(), "KeyframePolicy: rules that cannot be kept (KeyframePolicy::feasible says why)");
+}
+
+Result<void> KeyframePolicy::feasible(const KeyframeRules& rules) {
+  const auto refuse = [](const std::string& what) { return Error{ErrorCode::bad_input, what}; };
+  if (rules.max_keyframes < 1)
+    return refuse("a window keeps at least one keyframe, not max_keyframes = " + std::to_string(rules.max_keyframes));
+  if (rules.lag < 0) return refuse("lag = " + std::to_string(rules.lag) + " is negative");
+  if (rules.interval.ns < 0) return refuse("an interval of " + std::to_string(rules.interval.ns) + " ns is negative");
+  if (!(rules.parallax >= 0.0)) return refuse("parallax = " + std::to_string(rules.parallax) + " is not an angle");
+  if (!(rules.least_shared >= 0.0 && rules.least_shared <= 1.0))
+    return refuse("least_shared = " + std::to_string(rules.least_shared) + " is not a share");
+  return {};
+}
+
+Result<void> KeyframePolicy::set(const KeyframeRules& rules) {
+  if (auto ok = feasible(rules); !ok) return ok;
+  rules_ = rules;
+  return {};
 }
 
 bool KeyframePolicy::is_keyframe(Time time) const {
@@ -35,7 +59,7 @@ void KeyframePolicy::choose(const Graph& graph, const States& states, std::vecto
   judge(graph, states);
   const Timeline<State>& line = states.timeline(provider_);
   choose_others(line, leaving);
-  const std::size_t most = static_cast<std::size_t>(std::max(rules_.max_keyframes, 1));
+  const std::size_t most = static_cast<std::size_t>(rules_.max_keyframes);
   if (keyframes_.size() <= most) return;
   const Time start = keyframes_[keyframes_.size() - most];  // what is older leaves
   for (int k = 0; k < states.providers(); ++k)

@@ -32,8 +32,11 @@ class KeyframePolicy final : public WindowPolicy {
   using Overlap = Function<FrameOverlap(const Graph&, const States&, Time earlier, Time later)>;
 
   // Of one provider's states; those of others leave when they are older than the oldest keyframe.
-  KeyframePolicy(ProviderId provider, Overlap overlap, const KeyframeRules& rules = {})
-      : provider_(provider), overlap_(std::move(overlap)), rules_(rules) {}
+  // Rules that cannot be kept are a bug of the caller's; `feasible` tells those that come from elsewhere.
+  KeyframePolicy(ProviderId provider, Overlap overlap, const KeyframeRules& rules = {});
+  // Refused: no keyframe at all, a negative or missing number, a share beyond 1.
+  static Result<void> feasible(const KeyframeRules& rules);
+  Result<void> set(const KeyframeRules& rules);  // refused: nothing is changed
 
   void choose(const Graph& graph, const States& states, std::vector<LeavingState>& leaving) override;
   void reset() override;
