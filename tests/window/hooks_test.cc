@@ -83,6 +83,58 @@ TEST(MahalanobisGate, MeasuresByNoiseAloneOrByTheCovarianceWithoutTheFactor) {
 }
 
 // W9
+TEST(MahalanobisGate, MeasuresTheSameWhateverTheLossOfTheFactorIs) {
+  for (const double error : {0.5, 3.0, 5.0, 40.0})
+    for (const Loss& loss :
+         {Loss::none(), Huber(1.0), Cauchy(0.5), GemanMcClure(1.0), Tukey(4.0), TruncatedSquares(2.0)})
+      for (const bool with_covariance : {false, true}) {
+        KnownPoint p;
+        p.measure(error, loss);
+        MahalanobisGate gate(p.graph);
+        ASSERT_TRUE(
+            gate.set(3, {.probability = 0.999, .with_covariance = with_covariance, .rejects_group = false}).ok());
+        const double want = error * error / (with_covariance ? 1.0 + 4.0 : 1.0);  // S = σ² + P
+        EXPECT_EQ(p.group.pass(gate).reject, want > 16.27);                       // χ² of 3 at 0.999
+        EXPECT_NEAR(gate.last_distance(), want, 1e-9 * want) << error << " " << static_cast<int>(loss.kind);
+      }
+}
+
+// W9: the columns of two variables, and S is no multiple of the identity.
+TEST(MahalanobisGate, MeasuresAFactorOfTwoVariablesByTheirJointCovariance) {
+  for (const Loss& loss : {Loss::none(), Cauchy(0.3)}) {
+    Random random(8);
+    Graph graph;
+    Entered group{graph, {}, 3, {}, {}, {}, {}};
+    GraphEdit edit = graph.edit();
+    const auto x = edit.add(random.value<Pose3d>(0.4)), y = edit.add(random.value<Pose3d>(0.4));
+    edit.add(Prior{random.value<Pose3d>(0.4)}, Sigma(0.2), x);
+    edit.add(Between{random.value<Pose3d>(0.2)}, Sigmas(Vec6d{{0.1, 0.2, 0.3, 0.1, 0.05, 0.2}}), x, y);
+    ASSERT_TRUE(graph.apply(edit).ok());
+    const auto before = dense_oracle::system(graph, false);
+    edit.clear();
+    const FactorId id = edit.add(Between{random.value<Pose3d>(0.3)}, Sigma(0.15), loss, x, y);
+    ASSERT_TRUE(graph.apply(edit).ok());
+    group.factors.push_back(id);
+    FactorProbe probe;
+    ASSERT_TRUE(probe.look(graph, id, true));
+    Eigen::VectorXd r(6);
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(6, 12);
+    for (int i = 0; i < 6; ++i) r(i) = probe.residual(i);
+    for (int c = 0; c < 12; ++c) {
+      const VariableKey of = probe.variables()[c / 6];
+      for (int i = 0; i < 6; ++i) J(i, before.offsets[before.find(of)] + c % 6) += probe.jacobian(i, c);
+    }
+    const Eigen::MatrixXd S = Eigen::MatrixXd::Identity(6, 6) + J * before.H.inverse() * J.transpose();
+    const double want = r.dot(S.ldlt().solve(r));
+    MahalanobisGate gate(graph);
+    ASSERT_TRUE(gate.set(3, {.probability = 0.999, .with_covariance = true, .rejects_group = false}).ok());
+    group.pass(gate);
+    EXPECT_GT(want, 0.1);
+    EXPECT_NEAR(gate.last_distance(), want, 1e-8 * want);
+  }
+}
+
+// W9
 TEST(MahalanobisGate, PassesTheShareOfGoodMeasurementsThatItWasToldTo) {
   Random random(1);
   KnownPoint p;

@@ -27,15 +27,20 @@ int dim_of(const Graph& graph, VariableKey id) {
 }  // namespace
 
 Result<std::vector<double>> NativeEngine::joint_covariance(std::span<const VariableKey> ids) noexcept {
+  std::vector<double> out;
+  if (auto ok = joint_covariance(ids, out); !ok) return ok.error();
+  return out;
+}
+
+Result<void> NativeEngine::joint_covariance(std::span<const VariableKey> ids, std::vector<double>& out) noexcept {
   std::size_t n = 0;
   for (const VariableKey& id : ids) {
     if (std::count(ids.begin(), ids.end(), id) > 1)
       return Error{ErrorCode::duplicate, "covariance: " + graph_->describe(id) + " is named twice"};
     n += static_cast<std::size_t>(dim_of(*graph_, id));
   }
-  std::vector<double> out(n * n);
-  if (auto ok = covariance_block(ids, out.data()); !ok) return ok.error();
-  return out;
+  out.resize(n * n);
+  return covariance_block(ids, out.data());
 }
 
 // Eliminates at the first right-hand side, which must be in place; `id` is for the words of an error.
@@ -52,7 +57,8 @@ Result<void> NativeEngine::factor_undamped(VariableKey id) noexcept {
 Result<void> NativeEngine::covariance_block(std::span<const VariableKey> ids, double* out) noexcept {
   if (failed_) return Error{ErrorCode::conflict, "covariance: the last solve failed, so there is none"};
   if (auto ok = linearize(linearizer_.first_estimates); !ok) return ok;  // as the last solve did
-  std::vector<int> scalars;  // in a step, of each row and column; -1: fixed, known for certain
+  std::vector<int>& scalars = covariance_scalars_;  // in a step, of each row and column; -1: fixed, known for certain
+  scalars.clear();
   for (const VariableKey& id : ids) {
     auto target = find_target(*graph_, structure_, id);
     if (!target) return target.error();

@@ -46,6 +46,8 @@ class NativeEngine final : public Engine {
   // The same of several variables together, each once: n × n for n the sum of their dimensions, column-major, in the
   // order of the ids.
   Result<std::vector<double>> joint_covariance(std::span<const VariableKey> ids) noexcept;
+  // Into memory of the caller's, which is resized: asked for again and again it needs no more.
+  Result<void> joint_covariance(std::span<const VariableKey> ids, std::vector<double>& out) noexcept;
 
   const SolverState& state() const { return state_; }
   void restore(const SolverState& state) { state_ = state; }
@@ -90,6 +92,7 @@ class NativeEngine final : public Engine {
   Point point_, trial_;
   AlignedBuffer reduced_;  // S
   std::vector<double> damping_, rhs_, step_;
+  std::vector<int> covariance_scalars_;
   std::vector<double> scale_, step_product_, descent_product_;  // D², and of a dogleg H p, H q
   Solution solution_;
   Owned<ThreadPool> threads_;

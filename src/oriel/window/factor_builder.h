@@ -39,7 +39,8 @@ class BatchFactorBuilder {
  public:
   virtual ~BatchFactorBuilder() = default;
   virtual std::string_view name() const = 0;
-  // Times that its measurements need a state at, of which provider: the window makes them where that is possible.
+  // Times that its measurements need a state at, of which provider: the window makes them where that is possible. They
+  // stay whatever becomes of the rebuild, tied by their motion: a frame in which everything is new is a state too.
   virtual void wanted(std::vector<std::pair<ProviderId, Time>>& times) const = 0;
   // Removes its factors of the last time and adds those of all measurements in hand, in one edit. The same measurements
   // give the same set. False: nothing was new, and the edit is empty.

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "oriel/linear/evaluate_rows.h"
+#include "oriel/linear/row_pointers.h"
 
 namespace oriel {
 
@@ -12,30 +12,50 @@ bool FactorProbe::look(const Graph& graph, FactorId id, bool with_jacobian) {
   if (table == graph.tables().end()) return false;
   const std::uint32_t row = (*table)->slots().find(id.key);
   if (row == SlotIndex::kNone) return false;
-  ops_ = &(*table)->ops();
+  ids_.clear();
+  for (const VariableRef& ref : (*table)->variables(row)) {
+    const VariablePool& pool = *graph.pools()[ref.pool];
+    ids_.emplace_back(pool.ops().key, pool.slots().key_of_slot(ref.slot));
+  }
+  return look(graph, {&(*table)->ops(), (*table)->measurement(row), (*table)->noise(row), (*table)->loss(row), ids_},
+              with_jacobian);
+}
+
+bool FactorProbe::look(const Graph& graph, const DetachedFactor& f, bool with_jacobian) {
+  constexpr std::size_t kLanes = Pack::kLanes;
+  RowPointerArrays arrays;
+  ops_ = f.ops;
+  loss_ = f.loss;
   cols_ = 0;
   variables_.clear();
-  for (int k = 0; k < (*table)->arity(); ++k) {
-    const VariableRef& ref = (*table)->variables(row)[static_cast<std::size_t>(k)];
-    const VariablePool& pool = *graph.pools()[ref.pool];
-    cols_ += pool.ops().dim;
-    if (pool.ops().dim > 0) variables_.emplace_back(pool.ops().key, pool.slots().key_of_slot(ref.slot));
+  for (std::size_t k = 0; k < f.variables.size(); ++k) {
+    const void* const value = graph.find_value(f.variables[k]);
+    if (value == nullptr) return false;
+    std::fill_n(arrays.at + k * Batch::kRows, kLanes, value);
+    if (ops_->variables[k]->dim == 0) continue;
+    cols_ += ops_->variables[k]->dim;
+    variables_.push_back(f.variables[k]);
   }
+  for (std::size_t l = 0; l < kLanes; ++l)
+    arrays.measurement[l] = f.measurement, arrays.noise[l] = f.noise, arrays.loss[l] = &f.loss;
+  RowPointers pointers;
+  pointers.rows = 1;
+  pointers.measurement = arrays.measurement, pointers.noise = arrays.noise, pointers.loss = arrays.loss;
+  pointers.at = pointers.jacobian_at = arrays.at;
   r_.reserve(std::int64_t{Batch::kRows} * ops_->dim);
   j_.reserve(std::int64_t{Batch::kRows} * ops_->dim * cols_);
   Batch batch;
-  evaluate_rows(graph, **table, {&row, 1}, nullptr, false, r_.data(), with_jacobian ? j_.data() : nullptr, batch);
+  batch.r = r_.data(), batch.J = with_jacobian ? j_.data() : nullptr;
+  ops_->linearize(pointers, batch);
   valid_ = (batch.valid & 1u) != 0;
-  weight_ = (*table)->robust() ? batch.weight[0] : 1.0;
-  if (!(weight_ > 0.0)) weight_ = 1.0;  // a loss that ends: r is zero, and that is all there is to see
   return true;
 }
 
-double FactorProbe::residual(int i) const { return r_.data()[i * Batch::kRows] / weight_; }
+double FactorProbe::residual(int i) const { return r_.data()[i * Batch::kRows]; }
 
-double FactorProbe::jacobian(int i, int column) const {
-  return j_.data()[(column * ops_->dim + i) * Batch::kRows] / weight_;
-}
+double FactorProbe::jacobian(int i, int column) const { return j_.data()[(column * ops_->dim + i) * Batch::kRows]; }
+
+double FactorProbe::weight() const { return evaluate_loss(loss_, squared_norm()).weight; }
 
 double FactorProbe::squared_norm() const {
   double s = 0.0;

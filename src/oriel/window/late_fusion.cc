@@ -62,7 +62,7 @@ bool LateFusion::fold(WindowCore& core, States& states, const PendingFactors& pe
   made_.clear();
   GraphEdit& edit = core.edit();
   bool folded = fold_factors(core, states, pending, group, edit);
-  if (folded) folded = core.commit().ok();
+  if (folded) folded = passes(edit) && core.commit().ok();
   if (!folded) {
     edit.clear();
     ledger_.discard();

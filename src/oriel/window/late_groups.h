@@ -1,7 +1,9 @@
 // LateGroups: who takes a group of factors whose state has left the window (behaviour W7). Without one it is refused.
 #pragma once
 #include <span>
+#include <utility>
 
+#include "oriel/base/function.h"
 #include "oriel/window/pending_factors.h"
 #include "oriel/window/window_core.h"
 #include "oriel/window/window_policy.h"
@@ -27,6 +29,15 @@ class LateGroups {
     (void)graph, (void)states, (void)slid;
   }
   virtual void reset() {}
+  // Whom fold() asks, by passes(), before it applies its edit.
+  void ask(Function<bool(const GraphEdit&)> judge) { judge_ = std::move(judge); }
+
+ protected:
+  // False: a hook rejects the group, and fold() says false with nothing changed.
+  bool passes(const GraphEdit& edit) { return !judge_ || judge_(edit); }
+
+ private:
+  Function<bool(const GraphEdit&)> judge_;
 };
 
 }  // namespace oriel

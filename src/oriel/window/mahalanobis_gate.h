@@ -2,9 +2,14 @@
 // freedom as r has rows, where the model is right. Of whitened r with Jacobian J,
 //   noise alone:      S = I, which takes the states for known: strict where they are not, and nearly free;
 //   with covariance:  S = I + J P Jᵀ, P the joint covariance of the factor's variables without the factor.
-// P is found with the group's factors in the graph already, P⁺ = (P⁻¹ + Σ JᵀJ)⁻¹; of a group of one factor
-//   S⁻¹ = I - J P⁺ Jᵀ                      (Woodbury: (I + J P Jᵀ)⁻¹ = I - J (P⁻¹ + JᵀJ)⁻¹ Jᵀ).
-// In larger groups it takes the other factors as given; a robust loss stands in P⁺ with its weight and in d² without.
+// P⁺ is found with the group's factors in the graph already, each with the weight w of its loss. Of a group of one
+// factor P⁺ = (P⁻¹ + w JᵀJ)⁻¹, and with M = J P⁺ Jᵀ
+//   J P Jᵀ = M (I - w M)⁻¹,   S⁻¹ = (I - w M) (I + (1 - w) M)⁻¹      (Woodbury; for w = 1: S⁻¹ = I - M).
+// In larger groups it takes the other factors as given. r and J are without the loss, r at the values that are there: a
+// state that came between two others stands where the older one predicts it until it is solved for.
+//
+// A group that comes late is judged by what it says about the variables that live: rows r + J δ that are white given
+// these, so that both ways are as above (with P, w = 0). If one of its factors fails it is rejected as a whole.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -33,6 +38,7 @@ class MahalanobisGate final : public InsertionHook {
 
   std::string_view name() const override { return "mahalanobis gate"; }
   Verdict inserted(const Graph& graph, const States& states, const InsertedGroup& group, GraphEdit& edit) override;
+  Verdict late(const Graph& graph, const States& states, const LateArrival& arrival) override;
   std::int64_t dropped() const { return dropped_; }    // factors, so far; those of rejected groups not among them
   std::int64_t rejected() const { return rejected_; }  // groups
   double last_distance() const { return distance_; }   // d² of the factor that was judged last
@@ -42,9 +48,13 @@ class MahalanobisGate final : public InsertionHook {
     int sensor;
     GateOptions options;
   };
-  bool passes(const GateOptions& options);
+  const GateOptions* gate_of(int sensor) const;
+  void take_probe(bool with_jacobian);
+  void take_prior(const Graph& graph, const GraphEdit& edit, const edit::AddedPrior& prior);
+  bool passes(const GateOptions& options, double weight);
   double threshold(double probability, int dof);
-  double distance(bool with_covariance);
+  double distance(bool with_covariance, double weight);
+  bool find_spread();
 
   std::vector<Gate> gates_;
   NativeEngine engine_;
@@ -56,7 +66,9 @@ class MahalanobisGate final : public InsertionHook {
     double value;
   };
   std::vector<Quantile> quantiles_;
-  std::vector<double> b_;
+  // Of what is being judged: r, J (column-major), the variables of its columns; P, M and what is solved with it.
+  std::vector<double> r_, J_, P_, M_, PJ_, A_, y_;
+  std::vector<VariableKey> ids_;
   double distance_ = 0.0;
   std::int64_t dropped_ = 0, rejected_ = 0;
 };

@@ -19,6 +19,11 @@ int SlidingWindow::add(std::unique_ptr<BatchFactorBuilder> builder) {
   return batch_sensors_.back();
 }
 
+void SlidingWindow::set(std::unique_ptr<LateGroups> late) {
+  late_ = std::move(late);
+  if (late_) late_->ask([this](const GraphEdit& edit) { return pass_late_hooks(edit); });
+}
+
 Result<State> SlidingWindow::begin(ProviderId provider, Time time) {
   GraphEdit& edit = core_.edit();
   Result<State> state = states_.request(edit, provider, time);

@@ -26,7 +26,7 @@ namespace oriel {
 struct WindowOptions {
   WindowOptions() { solve.trace = false; }
   SolveOptions solve;
-  MarginalizeOptions marginalize;
+  MarginalizeOptions marginalize;  // Departure::fix says the same as Departure::condition here
   bool slide_before_solve = false;
   bool keep_prior = true;  // false: what leaves is forgotten
   // Solves that fail one after the other until the window begins anew: nothing can leave while they do. 0: never.
@@ -45,7 +45,7 @@ class SlidingWindow {
   // Hooks look at each group in the order in which they were added.
   void add(std::unique_ptr<InsertionHook> hook) { hooks_.push_back(std::move(hook)); }
   void set(std::unique_ptr<WindowPolicy> policy) { policy_ = std::move(policy); }
-  void set(std::unique_ptr<LateGroups> late) { late_ = std::move(late); }
+  void set(std::unique_ptr<LateGroups> late);
   // How long before the oldest state providers keep their raw motion, for states that come late (late_fusion.h).
   void remember(Duration memory) { states_.remember(memory); }
   void listen(WindowListener* listener) { listeners_.push_back(listener); }
@@ -86,11 +86,13 @@ class SlidingWindow {
   void expel();
   bool expel(bool with_states);
   Entry take_late(const PendingFactors::Group& group);
+  bool pass_late_hooks(const GraphEdit& edit);
   Entry refuse(const PendingFactors::Group& group, Refusal why);
   void count(int sensor, Refusal why);
 
   void rebuild_batches();
   bool make_wanted();
+  Result<void> make_wanted(ProviderId provider, Time time);
 
   bool solve();
   void recover();
@@ -127,8 +129,11 @@ class SlidingWindow {
   std::vector<FactorId> factors_, came_factors_;  // what is there now; what it came with, whatever hooks took out
   std::vector<VariableKey> variables_, came_variables_, state_variables_;
   std::vector<States::Made> made_;
+  const PendingFactors::Group* late_group_ = nullptr;  // that is being folded
+  bool late_rejected_ = false;
   std::vector<LeavingState> leaving_;
   std::vector<VariableKey> leaving_variables_;
+  std::vector<TypePolicy> types_;
   MarginalScope scope_;
 };
 

@@ -65,14 +65,29 @@ SlidingWindow::Entry SlidingWindow::take_late(const PendingFactors::Group& group
     return live == Readiness::waits ? Entry::waits : refuse(group, Refusal::no_motion);
   }
   states_.commit();
+  late_group_ = &group;
+  late_rejected_ = false;
   if (!late_->fold(core_, states_, pending_, group)) {
     if (!made_.empty()) expel();
-    return refuse(group, Refusal::too_old);
+    return refuse(group, late_rejected_ ? Refusal::rejected : Refusal::too_old);
   }
   ++report_.late;
   report_.states_made += static_cast<int>(made_.size());
   if (group.owner >= 0) builders_[group.owner]->entered(group.number, {}, {});
   return Entry::done;
+}
+
+// Of what a late group would change.
+bool SlidingWindow::pass_late_hooks(const GraphEdit& edit) {
+  const LateArrival arrival{late_group_->sensor, late_group_->oldest, late_group_->newest, edit};
+  for (auto& hook : hooks_) {
+    const InsertionHook::Verdict verdict = hook->late(graph(), states_, arrival);
+    if (!verdict.reject) continue;
+    report_.rejection = verdict.reason;
+    late_rejected_ = true;
+    return false;
+  }
+  return true;
 }
 
 SlidingWindow::Entry SlidingWindow::refuse(const PendingFactors::Group& group, Refusal why) {
@@ -236,30 +251,37 @@ void SlidingWindow::rebuild_batches() {
   }
 }
 
-// The states that a batch builder wants, as far as they can be had, in one edit.
+// The states that a batch builder wants, as far as they can be had. Each by an edit of its own, so that one that fails
+// is in nobody's way.
 bool SlidingWindow::make_wanted() {
   std::sort(wanted_.begin(), wanted_.end(), [](const auto& a, const auto& b) {
     return std::pair(a.second, a.first.index) < std::pair(b.second, b.first.index);
   });
-  GraphEdit& edit = core_.edit();
-  Result<void> ok;
+  bool all = true;
   for (const auto& [provider, time] : wanted_) {
     if (!states_.has(provider) || states_.reach(provider, time) != Reach::possible) continue;
-    if (auto state = states_.request(edit, provider, time); !state) ok = state.error();
-    if (!ok) break;
+    const Result<void> ok = make_wanted(provider, time);
+    if (ok) continue;
+    report_.error = ok.error();
+    all = false;
   }
-  const int made = static_cast<int>(states_.new_states().size());
+  return all;
+}
+
+Result<void> SlidingWindow::make_wanted(ProviderId provider, Time time) {
+  GraphEdit& edit = core_.edit();
+  Result<void> ok;
+  if (auto state = states_.request(edit, provider, time); !state) ok = state.error();
   if (ok) ok = states_.link(edit);
   if (ok) ok = core_.commit();
   if (ok) {
     states_.commit();
-    report_.states_made += made;
-    return true;
+    ++report_.states_made;
+  } else {
+    edit.clear();
+    states_.rollback();
   }
-  report_.error = ok.error();
-  edit.clear();
-  states_.rollback();
-  return false;
+  return ok;
 }
 
 }  // namespace oriel

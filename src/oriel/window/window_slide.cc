@@ -82,6 +82,11 @@ Result<void> SlidingWindow::marginalize_states() {
   for (const LeavingState& l : leaving_)
     for (const VariableKey id : states_.timeline(l.provider).find(l.time)->all()) leaving_variables_.push_back(id);
   MarginalizeOptions how = options_.marginalize;
+  // A state that stayed, fixed, would be in nobody's timeline, and never leave: what is to be fixed leaves as known.
+  types_.assign(how.types.begin(), how.types.end());
+  for (TypePolicy& type : types_)
+    if (type.departure == Departure::fix) type.departure = Departure::condition;
+  how.types = types_;
   if (late_) {
     late_->before_slide(graph(), states_, leaving_, leaving_variables_);
     if (how.ledger == nullptr) how.ledger = late_->ledger();
