@@ -131,24 +131,17 @@ bool EditCommit::leaves(const VariableRef& ref) const {
   return c != nullptr && c->removes(pool.slots().key_of_slot(ref.slot));
 }
 
-// What a prior says of the variables that stay, once the leaving ones are marginalized out of it alone.
-void EditCommit::derive_prior(std::uint32_t row) {
-  const LinearPriorView numbers = g_.priors_.numbers(row);
-  std::vector<double> R(numbers.R, numbers.R + static_cast<std::size_t>(numbers.rows) * numbers.cols);
-  std::vector<char> leaving;
-  for (const VariableRef& ref : g_.priors_.variables(row))
-    leaving.insert(leaving.end(), g_.pools_[ref.pool]->ops().dim, leaves(ref));
-  LinearPrior rest;
-  rest.d.assign(numbers.d, numbers.d + numbers.rows);
-  const int rows = marginalize_columns(numbers.rows, numbers.cols, leaving, R, rest.d);
+// The columns of the variables that stay. One of which nothing is known any more is no part of the prior: it would tie
+// what has nothing in common (M11).
+void EditCommit::take_known(std::uint32_t row, int rows) {
+  LinearPrior& rest = g_.derived_prior_;
   const double* estimate = g_.priors_.estimates(row);
-  auto column = R.cbegin();
+  auto column = g_.derived_rows_.cbegin();
   for (const VariableRef& ref : g_.priors_.variables(row)) {
     const VariablePool& pool = *g_.pools_[ref.pool];
     const std::ptrdiff_t size = estimate_doubles(pool.ops());
     if (!leaves(ref)) {
       const auto end = column + static_cast<std::ptrdiff_t>(rows) * pool.ops().dim;
-      // Of which nothing is known any more, it is no part of the prior: it would tie what has nothing in common (M11).
       if (std::any_of(column, end, [](double x) { return x != 0.0; })) {
         rest.variables.push_back({pool.ops().key, pool.slots().key_of_slot(ref.slot)});
         rest.estimates.insert(rest.estimates.end(), estimate, estimate + size);
@@ -158,6 +151,22 @@ void EditCommit::derive_prior(std::uint32_t row) {
     }
     estimate += size;
   }
+}
+
+// What a prior says of the variables that stay, once the leaving ones are marginalized out of it alone.
+void EditCommit::derive_prior(std::uint32_t row) {
+  const LinearPriorView numbers = g_.priors_.numbers(row);
+  std::vector<double>& R = g_.derived_rows_;
+  std::vector<char>& leaving = g_.derived_leaving_;
+  LinearPrior& rest = g_.derived_prior_;
+  R.assign(numbers.R, numbers.R + static_cast<std::size_t>(numbers.rows) * numbers.cols);
+  leaving.clear();
+  for (const VariableRef& ref : g_.priors_.variables(row))
+    leaving.insert(leaving.end(), g_.pools_[ref.pool]->ops().dim, leaves(ref));
+  rest.variables.clear(), rest.estimates.clear(), rest.R.clear();
+  rest.d.assign(numbers.d, numbers.d + numbers.rows);
+  const int rows = marginalize_columns(numbers.rows, numbers.cols, leaving, R, rest.d);
+  take_known(row, rows);
   g_.derived_.priors().removed.push_back(g_.priors_.slots().key(row));
   if (rows == 0 || rest.variables.empty()) return;
   edit::Priors& p = g_.derived_.priors();

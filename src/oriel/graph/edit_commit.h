@@ -17,6 +17,7 @@ class EditCommit {
   void derive_priors();
   bool leaves(const VariableRef& ref) const;
   void derive_prior(std::uint32_t row);
+  void take_known(std::uint32_t row, int rows);
   void reserve();
   void remove_factors();
   void remove_variables();

@@ -142,7 +142,11 @@ class Graph {
   std::vector<std::uint32_t> free_incidences_;
   Owned<LabelTable> labels_;  // null until there is one
   ChangeLog log_;
-  std::vector<std::uint32_t> touched_priors_;  // scratch of apply
+  // Scratch of apply: priors that lose a variable, and what is left of one.
+  std::vector<std::uint32_t> touched_priors_;
+  std::vector<double> derived_rows_;
+  std::vector<char> derived_leaving_;
+  LinearPrior derived_prior_;
   std::vector<VariableRef> prior_refs_;        // scratch of apply
   edit::SlotMarks marks_;                      // scratch of apply
   GraphEdit derived_;                          // scratch of apply: priors that lose variables

@@ -56,13 +56,13 @@ int marginalize_columns(int rows, int cols, const std::vector<char>& leaves, std
     for (int i = used; i < rows && !leaves[j]; ++i)
       if (!(std::fabs(column[i]) > least)) column[i] = 0.0;
   }
-  std::vector<double> kept;
+  auto end = R.begin();  // of what is kept, which moves down in place
   for (int j = 0; j < cols; ++j)
     if (!leaves[j])
-      kept.insert(kept.end(), R.begin() + j * static_cast<std::ptrdiff_t>(rows) + used,
-                  R.begin() + (j + 1) * static_cast<std::ptrdiff_t>(rows));
+      end = std::copy(R.begin() + j * static_cast<std::ptrdiff_t>(rows) + used,
+                      R.begin() + (j + 1) * static_cast<std::ptrdiff_t>(rows), end);
   d.erase(d.begin(), d.begin() + used);
-  R = std::move(kept);
+  R.erase(end, R.end());
   return rows - used;
 }
 
