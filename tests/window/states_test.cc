@@ -98,6 +98,25 @@ TEST_F(StatesTest, LinksAndPredictsAStateThatIsNewer) {
 }
 
 // W3
+TEST_F(StatesTest, PredictsFromTheNearestOlderStateWhereverThatIsByNow) {
+  for (const int ms : {0, 400, 1000}) ASSERT_TRUE(make(positions, at_ms(ms)).ok());
+  GraphEdit edit = graph.edit();
+  for (const int ms : {0, 400, 1000}) {
+    const VariableKey id = states.find(positions, at_ms(ms), kVariableOps<Position>.key);
+    edit.set(VariableId<Position>{id.key}, Position{{{1.0 * ms, -5.0}}});
+  }
+  ASSERT_TRUE(graph.apply(edit).ok());
+  const auto moved = [&](int from, int to) { return position->moved.between(at_ms(from), at_ms(to)); };
+  const auto expect_at = [&](int ms, int from) {
+    ASSERT_TRUE(make(positions, at_ms(ms)).ok());
+    EXPECT_LT((value(at_ms(ms)).v - (value(at_ms(from)).v + moved(from, ms))).norm(), 1e-12) << ms;
+  };
+  expect_at(700, 400);    // between two: from the older, not from the closer
+  expect_at(950, 700);    // from one that came only now
+  expect_at(1300, 1000);  // newer than all
+}
+
+// W3
 TEST_F(StatesTest, SplitsTheMotionWhereAStateComesBetweenTwo) {
   const State a = *make(positions, at_ms(0)), c = *make(positions, at_ms(1000));
   // Of the user, between the same states: it stays.
