@@ -47,7 +47,8 @@ void row_tile_in_chunks(const Target& c, const double* a, std::int64_t lda, cons
     row_tile<false>(c, a + k0 * lda, lda, b + k0 * ldb, ldb, r, vectors, begin, end, std::min(kChunk, k - k0), lower);
 }
 
-// All row tiles of [row_begin, row_end); each is a task of its own with the same arithmetic on any thread.
+// All row tiles of [row_begin, row_end); each is a task of its own with the same arithmetic on any thread. The last
+// ones, which are the largest where only the lower half is wanted, are given out first.
 template <bool kOverwrite>
 void all_row_tiles(const Target& c, const double* a, std::int64_t lda, const double* b, std::int64_t ldb, int row_begin,
                    int row_end, int begin, int end, int k, bool lower, TaskPool* pool) {
@@ -60,21 +61,20 @@ void all_row_tiles(const Target& c, const double* a, std::int64_t lda, const dou
   if (pool == nullptr) {
     for (int tile = 0; tile < tiles; ++tile) one(tile, 0);
   } else {
-    parallel_for(pool, tiles, one);
+    parallel_for(pool, tiles, [&](int task, int worker) { one(tiles - 1 - task, worker); });
   }
 }
 
-// The factored square at the diagonal of W columns, for the rows below it.
-template <int W>
+// The factored square at the diagonal of up to kCols columns, for the rows below it.
 struct Triangle {
-  double l[W][W];
-  double inverse[W];
+  double l[kCols][kCols];
+  double inverse[kCols];
 };
 
 // Rows [r, r + V·kLanes) of columns [j, j + W): subtract what columns [k0, j) contribute, then X := X L⁻ᵀ, all within
 // registers.
 template <int V, int W>
-void solve_rows(double* f, std::int64_t ld, int r, int j, int k0, const Triangle<W>& t) {
+void solve_rows(double* f, std::int64_t ld, int r, int j, int k0, const Triangle& t) {
   Vec x[V][W] = {};
   accumulate<V, W>(x, f + r + k0 * ld, ld, f + j + k0 * ld, ld, j - k0);
 #pragma GCC unroll 8
@@ -99,9 +99,8 @@ void solve_rows(double* f, std::int64_t ld, int r, int j, int k0, const Triangle
 
 // The first kCols rows of columns [j, j + W): Cholesky of the square, with the rows below it that share the vectors.
 template <int W>
-Triangle<W> factor_square(double* f, std::int64_t ld, int j, int k0, const double* threshold) {
+void factor_square(double* f, std::int64_t ld, int j, int k0, const double* threshold, Triangle& t) {
   constexpr int kV = kCols / kLanes;
-  Triangle<W> t = {};
   Vec x[kV][W] = {};
   accumulate<kV, W>(x, f + j + k0 * ld, ld, f + j + k0 * ld, ld, j - k0);
 #pragma GCC unroll 8
@@ -125,50 +124,63 @@ Triangle<W> factor_square(double* f, std::int64_t ld, int j, int k0, const doubl
       for (int v = 0; v < kV; ++v) x[v][e] -= x[v][c] * t.l[e][c];
     }
   }
-  return t;
 }
 
+// Rows [r, end) of W columns from j on.
 template <int W>
-void factor_columns(double* f, std::int64_t ld, int n, int j, int k0, const double* threshold, double* inverse) {
-  const Triangle<W> t = factor_square<W>(f, ld, j, k0, threshold);
-  for (int c = 0; c < W; ++c) inverse[c] = t.inverse[c];
-  int r = j + kCols;
-  for (; n - r > 2 * kLanes; r += 3 * kLanes) solve_rows<3, W>(f, ld, r, j, k0, t);
-  if (n - r > kLanes)
+void solve_below(double* f, std::int64_t ld, int r, int end, int j, int k0, const Triangle& t) {
+  for (; end - r > 2 * kLanes; r += 3 * kLanes) solve_rows<3, W>(f, ld, r, j, k0, t);
+  if (end - r > kLanes)
     solve_rows<2, W>(f, ld, r, j, k0, t);
-  else if (n - r > 0)
+  else if (end - r > 0)
     solve_rows<1, W>(f, ld, r, j, k0, t);
 }
 
-using ColumnsFunction = void (*)(double*, std::int64_t, int, int, int, const double*, double*);
+// What there is to do with W columns.
+struct ColumnKernels {
+  void (*square)(double*, std::int64_t, int, int, const double*, Triangle&);
+  void (*below)(double*, std::int64_t, int, int, int, int, const Triangle&);
+};
+template <int W>
+constexpr ColumnKernels kKernelsOf = {factor_square<W>, solve_below<W>};
 
-ColumnsFunction columns_of(int w) {
-  switch (w) {
-    case 1:
-      return factor_columns<1>;
-    case 2:
-      return factor_columns<2>;
-    case 3:
-      return factor_columns<3>;
-    case 4:
-      return factor_columns<4>;
-    default:
-      break;
-  }
+const ColumnKernels& kernels_of(int w) {
+  static constexpr ColumnKernels kBy4[] = {kKernelsOf<1>, kKernelsOf<2>, kKernelsOf<3>, kKernelsOf<4>};
   if constexpr (kCols == 8) {
-    switch (w) {
-      case 5:
-        return factor_columns<5>;
-      case 6:
-        return factor_columns<6>;
-      case 7:
-        return factor_columns<7>;
-      default:
-        return factor_columns<8>;
-    }
+    static constexpr ColumnKernels kBy8[] = {kKernelsOf<5>, kKernelsOf<6>, kKernelsOf<7>, kKernelsOf<8>};
+    if (w > 4) return kBy8[w - 5];
   }
-  return factor_columns<4>;
+  return kBy4[w - 1];
 }
+
+// Columns [k0, k1) of a panel, at most kPanelColumns of them.
+class Strip {
+ public:
+  Strip(double* panel, std::int64_t ld, int k0, int k1) : panel_(panel), ld_(ld), k0_(k0), k1_(k1) {}
+
+  // The rows at the diagonal: those of the columns, and what shares their vectors. Returns the first row below.
+  int factor_diagonal(const double* threshold, double* inverse) {
+    const int end = (k1_ + kCols - 1) / kCols * kCols;
+    for (int j = k0_, g = 0; j < k1_; j += kCols, ++g) {
+      const int w = std::min(kCols, k1_ - j);
+      const ColumnKernels& kernels = kernels_of(w);
+      kernels.square(panel_, ld_, j, k0_, threshold + j, triangles_[g]);
+      std::copy_n(triangles_[g].inverse, w, inverse + j);
+      kernels.below(panel_, ld_, j + kCols, end, j, k0_, triangles_[g]);
+    }
+    return end;
+  }
+  void solve_rows_below(int first, int end) const {
+    for (int j = k0_, g = 0; j < k1_; j += kCols, ++g)
+      kernels_of(std::min(kCols, k1_ - j)).below(panel_, ld_, first, end, j, k0_, triangles_[g]);
+  }
+
+ private:
+  double* panel_;
+  std::int64_t ld_;
+  int k0_, k1_;
+  Triangle triangles_[kPanelColumns / kCols];
+};
 
 }  // namespace
 
@@ -176,8 +188,13 @@ void factor_panel(double* panel, std::int64_t ld, int n, int p, const double* th
                   TaskPool* pool) {
   for (int k0 = 0; k0 < p; k0 += kPanelColumns) {
     const int k1 = std::min(k0 + kPanelColumns, p);
-    for (int j = k0; j < k1; j += kCols)
-      columns_of(std::min(kCols, k1 - j))(panel, ld, n, j, k0, threshold + j, inverse_diagonal + j);
+    Strip strip(panel, ld, k0, k1);
+    const int below = strip.factor_diagonal(threshold, inverse_diagonal);
+    const int tiles = (n - below + kTileRows - 1) / kTileRows;
+    parallel_for(pool, std::max(tiles, 0), [&](int tile, int) {
+      const int r = below + tile * kTileRows;
+      strip.solve_rows_below(r, std::min(r + kTileRows, n));
+    });
     if (k1 == p) break;
     const double* a = panel + k0 * ld;
     all_row_tiles<false>({panel, ld, 0, 0}, a, ld, a, ld, k1, round_up_8(n), k1, p, k1 - k0, true, pool);

@@ -1,39 +1,94 @@
 #include "oriel/solve/thread_pool.h"
 
 #include <atomic>
-#include <condition_variable>
-#include <mutex>
+#include <chrono>
+#include <cstdint>
 #include <thread>
 #include <vector>
+#if defined(__x86_64__) || defined(__i386__)
+#include <immintrin.h>
+#endif
 
 namespace oriel {
+namespace {
 
+// How long a worker looks for the next round before it sleeps. Waking one takes tens of microseconds, as much as many
+// a round lasts; between the rounds of a step there is less than this, after a solve it is soon over.
+constexpr std::chrono::microseconds kSpin{100};
+constexpr int kPauses = 32;  // between two looks at the clock
+
+void relax() {
+#if defined(__x86_64__) || defined(__i386__)
+  _mm_pause();
+#endif
+}
+
+// Waits for done() without sleeping; false after kSpin. Gives way now and then: where there are more threads than
+// cores, another may have the work.
+template <class F>
+bool spin_until(F done) {
+  const auto end = std::chrono::steady_clock::now() + kSpin;
+  do {
+    for (int i = 0; i < kPauses; ++i) {
+      if (done()) return true;
+      relax();
+    }
+    std::this_thread::yield();
+  } while (std::chrono::steady_clock::now() < end);
+  return done();
+}
+
+}  // namespace
+
+// A round is open from its begin until its tasks are given out. Who comes in while it is open takes tasks; who comes
+// late goes back to wait, and nobody waits for him.
 struct ThreadPool::State {
-  std::mutex mutex;
-  std::condition_variable wake, done;
-  const TaskRef* body = nullptr;
-  int count = 0, busy = 0;
-  std::uint64_t round = 0;
-  bool stop = false;
+  static constexpr std::uint64_t kOpen = std::uint64_t{1} << 32, kInside = kOpen - 1;
+  std::atomic<std::uint64_t> gate{0};             // kOpen, and how many workers are inside
+  std::atomic<std::uint32_t> round{0}, ended{0};  // to sleep on: a round began, the last worker left one
+  std::atomic<bool> stop{false};
+  const TaskRef* body = nullptr;  // of the open round
+  int count = 0;
   std::atomic<int> next{0};
   std::vector<std::thread> threads;
 
-  void drain(const TaskRef& body_now, int n, int worker) {
-    for (int task = next.fetch_add(1); task < n; task = next.fetch_add(1)) body_now(task, worker);
+  void drain(int worker) {
+    const TaskRef& task_body = *body;
+    const int n = count;
+    for (int task = next.fetch_add(1); task < n; task = next.fetch_add(1)) task_body(task, worker);
+  }
+  bool enter() {
+    std::uint64_t seen = gate.load();
+    while ((seen & kOpen) != 0)
+      if (gate.compare_exchange_weak(seen, seen + 1)) return true;
+    return false;
+  }
+  void leave() {
+    if (gate.fetch_sub(1) != 1) return;  // the round is open, or others are inside
+    ended.fetch_add(1);
+    ended.notify_one();
   }
   void work(int worker) {
-    std::uint64_t seen = 0;
-    std::unique_lock lock(mutex);
+    for (std::uint32_t seen = 0;;) {
+      if (!spin_until([&] { return round.load() != seen; })) round.wait(seen);
+      seen = round.load();
+      if (stop.load()) return;
+      if (!enter()) continue;
+      drain(worker);
+      leave();
+    }
+  }
+  void begin_round() {
+    round.fetch_add(1);
+    round.notify_all();
+  }
+  void wait_until_empty() {
+    auto empty = [&] { return (gate.load() & kInside) == 0; };
+    if (spin_until(empty)) return;
     for (;;) {
-      wake.wait(lock, [&] { return stop || round != seen; });
-      if (stop) return;
-      seen = round;
-      const TaskRef* b = body;
-      const int n = count;
-      lock.unlock();
-      drain(*b, n, worker);
-      lock.lock();
-      if (--busy == 0) done.notify_one();
+      const std::uint32_t before = ended.load();
+      if (empty()) return;
+      ended.wait(before);
     }
   }
 };
@@ -43,11 +98,8 @@ ThreadPool::ThreadPool(int workers) : state_(make_owned<State>()) {
 }
 
 ThreadPool::~ThreadPool() {
-  {
-    std::lock_guard lock(state_->mutex);
-    state_->stop = true;
-  }
-  state_->wake.notify_all();
+  state_->stop = true;
+  state_->begin_round();
   for (std::thread& t : state_->threads) t.join();
 }
 
@@ -59,18 +111,14 @@ void ThreadPool::parallel_for(int count, TaskRef body) noexcept {
     for (int task = 0; task < count; ++task) body(task, 0);
     return;
   }
-  {
-    std::lock_guard lock(s.mutex);
-    s.body = &body;
-    s.count = count;
-    s.busy = static_cast<int>(s.threads.size());
-    s.next = 0;
-    ++s.round;
-  }
-  s.wake.notify_all();
-  s.drain(body, count, 0);
-  std::unique_lock lock(s.mutex);
-  s.done.wait(lock, [&] { return s.busy == 0; });
+  s.body = &body;
+  s.count = count;
+  s.next = 0;
+  s.gate.fetch_or(State::kOpen);
+  s.begin_round();
+  s.drain(0);
+  s.gate.fetch_and(~State::kOpen);
+  s.wait_until_empty();
 }
 
 }  // namespace oriel

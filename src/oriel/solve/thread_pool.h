@@ -1,4 +1,4 @@
-// The threads of one solver: made once, asleep between stages.
+// The threads of one solver: made once. Between the rounds of a stage they stay awake for a moment, else they sleep.
 #pragma once
 #include "oriel/base/owned.h"
 #include "oriel/linear/task_pool.h"
