@@ -233,5 +233,45 @@ TEST(Linearizer, GivesTheSameBitsForOneTwoAndThreeThreads) {  // L10
   }
 }
 
+// Tables that are cut into slices: blocks that several slices share, landmarks at their cuts, priors, dimensions with
+// and without a kernel.
+TEST(Linearizer, GivesTheSameBitsForAnyThreadsWhereTablesAreSliced) {  // L10
+  RandomProblem p(43);
+  const auto k6 = p.variables<VectorNd<6>>(100);
+  const auto k4 = p.variables<VectorNd<4>>(40);
+  const auto l3 = p.variables<Markd<3>>(150);
+  for (int i = 0; i < 3100; ++i) p.factor<2>(i % 3 == 0 ? Huber(0.8) : Loss::none(), p.any(k6), p.any(l3));
+  for (std::size_t i = 0; i < 1900; ++i) p.factor<6>(k6[i % 99], k6[i % 99 + 1]);
+  for (std::size_t i = 0; i < 1300; ++i) p.factor<4>(p.any(k6), k4[i % 40]);
+  p.prior({k6[0], k4[0]}, {6, 4}, 10);
+  ASSERT_TRUE(p.apply());
+  System one(p.graph);
+  std::size_t slices = 0, partials = 0;
+  for (std::size_t t = 0; t < one.structure.plan_count(); ++t) {
+    slices += one.structure.plans()[t].slices.size();
+    partials += one.structure.plans()[t].partials.size();
+  }
+  ASSERT_GE(slices, 9u);
+  ASSERT_GT(partials, 300u);
+  EXPECT_TRUE(one.structure.slices_clear_landmarks());
+  const Eigen::VectorXd damping = Eigen::VectorXd::Constant(one.structure.dim(), 0.1), step = one.solve(damping);
+  const auto dense = p.dense(one.structure);
+  EXPECT_LE((dense.g - one.gradient()).norm(), 1e-11 * dense.g.norm());
+  EXPECT_LE((dense_step(dense, damping) - step).norm(), 1e-8 * step.norm());
+  for (const int n : {2, 3, 5}) {
+    Threads threads(n);
+    System many(p.graph, &threads);
+    many.linearizer.linearize(p.graph, many.structure, many.point, &many.active, many.numbers, &threads);  // again
+    EXPECT_EQ(many.active.total, one.active.total);
+    EXPECT_EQ(many.gradient(), one.gradient());
+    EXPECT_EQ(many.numbers.diagonal, one.numbers.diagonal);
+    EXPECT_EQ(0, std::memcmp(many.numbers.h.data(), one.numbers.h.data(),
+                             sizeof(double) * static_cast<std::size_t>(one.structure.factorization().storage_size())));
+    EXPECT_EQ(0, std::memcmp(many.numbers.landmarks.data(), one.numbers.landmarks.data(),
+                             sizeof(double) * static_cast<std::size_t>(one.structure.landmark_store())));
+    EXPECT_EQ(many.solve(damping, &threads), step);
+  }
+}
+
 }  // namespace
 }  // namespace oriel

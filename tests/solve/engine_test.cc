@@ -56,25 +56,49 @@ std::unique_ptr<RandomProblem> problem(unsigned seed) {
   return p;
 }
 
+// A pose graph and a bundle adjustment that are large enough for slices and subtrees: kept variables along a chain with
+// loops, or each landmark seen from some.
+std::unique_ptr<RandomProblem> large_problem(bool landmarks) {
+  auto p = std::make_unique<RandomProblem>(6);
+  const auto x = p->variables<VectorNd<6>>(landmarks ? 110 : 500);
+  for (std::size_t i = 0; i + 1 < x.size(); ++i) p->factor<6>(x[i], x[i + 1]);
+  for (std::size_t i = 0; i + 20 < x.size(); ++i) p->factor<6>(Huber(1.0), x[i], x[i + 20]);
+  for (const auto id : x) p->factor<6>(id);
+  const auto m = p->variables<Markd<3>>(landmarks ? 600 : 1);
+  for (int i = 0; i < (landmarks ? 4200 : 3); ++i) p->factor<2>(Huber(0.9), p->any(x), p->any(m));
+  for (const auto id : m) p->factor<3>(id);
+  EXPECT_TRUE(p->apply());
+  return p;
+}
+
+// The window is small, with priors; the others are sliced.
 TEST(NativeEngine, GivesTheSameBitsForAnyNumberOfThreadsAndInTwoRuns) {  // L10
-  std::vector<std::uint64_t> prints;
-  std::vector<std::vector<double>> costs;
-  for (const int threads : {1, 2, 3, 1}) {
-    auto p = problem(5);
-    NativeEngine engine(p->graph);
-    SolveOptions options;
-    options.threads = threads;
-    options.max_iterations = 12;
-    const Summary s = engine.solve(options);
-    EXPECT_GT(s.accepted, 3) << s;
-    prints.push_back(fingerprint(p->graph));
-    costs.emplace_back();
-    for (const auto& r : s.trace) costs.back().push_back(r.cost);
+  const std::function<std::unique_ptr<RandomProblem>()> problems[] = {
+      [] { return problem(5); }, [] { return large_problem(false); }, [] { return large_problem(true); }};
+  std::size_t sliced = 0;
+  for (const auto& make : problems) {
+    std::vector<std::uint64_t> prints;
+    std::vector<std::vector<double>> costs;
+    for (const int threads : {1, 2, 3, 1}) {
+      auto p = make();
+      NativeEngine engine(p->graph);
+      SolveOptions options;
+      options.threads = threads;
+      options.max_iterations = 12;
+      const Summary s = engine.solve(options);
+      EXPECT_GT(s.accepted, 3) << s;
+      prints.push_back(fingerprint(p->graph));
+      costs.emplace_back();
+      for (const auto& r : s.trace) costs.back().push_back(r.cost);
+      for (std::size_t t = 0; t < engine.structure().plan_count(); ++t)
+        sliced += !engine.structure().plans()[t].slices.empty();
+    }
+    for (std::size_t i = 1; i < prints.size(); ++i) {
+      EXPECT_EQ(prints[i], prints[0]);
+      EXPECT_EQ(costs[i], costs[0]);
+    }
   }
-  for (std::size_t i = 1; i < prints.size(); ++i) {
-    EXPECT_EQ(prints[i], prints[0]);
-    EXPECT_EQ(costs[i], costs[0]);
-  }
+  EXPECT_GE(sliced, 4u);
 }
 
 // Edits of a random window and solves of a few iterations; `drop` decides when caches go.

@@ -67,6 +67,7 @@ template <int DA, int DB>
 void add_block(const double* q, const Destination& d) {
   switch (d.kind) {
     case PairAddress::Kind::none:
+    case PairAddress::Kind::packed:  // never of two variables
       return;
     case PairAddress::Kind::stored:
       for (int c = 0; c < DB; ++c) lanes::add<DA>(d.to + std::int64_t{c} * d.ld, q + c * DA);
@@ -88,6 +89,10 @@ void add_block(const double* q, const Destination& d) {
 template <int D>
 void add_lower(const double* q, const Destination& d) {
   if (d.kind == PairAddress::Kind::none) return;
+  if (d.kind == PairAddress::Kind::packed) {  // what the tile is filled up with are zeros
+    for (int k = 0; k < packed_half(D); k += kLanes) store(d.to + k, load(d.to + k) + load(q + k));
+    return;
+  }
   int e = 0;
   for (int c = 0; c < D; ++c)
     for (int i = c; i < D; ++i) d.to[std::int64_t{c} * d.ld + i] += q[e++];
@@ -107,14 +112,19 @@ void pair_kernel(const Columns& a, const Columns& b, const Destinations& to) {
 
 // Any dimensions, one entry at a time.
 void pair_fallback(int da, int db, const Columns& a, const Columns& b, const Destinations& to) {
+  int e = 0;
   for (int c = 0; c < db; ++c)
-    for (int i = a.from == b.from ? c : 0; i < da; ++i) {
+    for (int i = a.from == b.from ? c : 0; i < da; ++i, ++e) {
       V8 s{};
       for (int r = 0; r < a.dim; ++r)
         s += load(a.from + (i * a.dim + r) * a.stride) * load(b.from + (c * a.dim + r) * b.stride);
       for (int l = 0; l < kLanes; ++l) {
         const Destination& d = to[l];
         if (d.kind == PairAddress::Kind::none) continue;
+        if (d.kind == PairAddress::Kind::packed) {
+          d.to[e] += s[l];
+          continue;
+        }
         const bool turned = d.kind == PairAddress::Kind::transposed;
         d.to[turned ? std::int64_t{i} * d.ld + c : std::int64_t{c} * d.ld + i] += s[l];
         if (d.kind == PairAddress::Kind::diagonal_twice) d.to[std::int64_t{i} * d.ld + c] += s[l];
@@ -208,14 +218,22 @@ class Group {
   bool valid(int l) const { return (batch_.valid >> (lane_ + l)) & 1; }
   const Target& target(int l, std::size_t a) const { return plan_.targets[(row_ + l) * plan_.arguments.size() + a]; }
 
+  const PairAddress& pair_of(int l, std::size_t pair) const {
+    const std::size_t n = plan_.arguments.size();
+    return plan_.pairs[(row_ + l) * (n * (n + 1) / 2) + pair];
+  }
+
   void gradient(std::size_t a) {
     const int da = plan_.arguments[a].dim;
     const Columns r = {batch_.r + lane_, batch_.dim, kStride, batch_.dim};
     Destinations to;
     for (int l = 0; l < lanes_; ++l) {
       const Target& t = target(l, a);
-      if (t.kind != Target::Kind::fixed && valid(l))
-        to[l] = {out_.gradient.data() + t.offset, 0, PairAddress::Kind::stored};
+      if (t.kind == Target::Kind::fixed || !valid(l)) continue;
+      const PairAddress& own = pair_of(l, a * (a + 1) / 2 + a);
+      double* const at = own.kind == PairAddress::Kind::packed ? out_.h.data() + own.offset + packed_half(da)
+                                                               : out_.gradient.data() + t.offset;
+      to[l] = {at, 0, PairAddress::Kind::stored};
     }
     if (const Kernel kernel = find_kernel(da, 1))
       kernel(columns_[a], r, to);
@@ -250,7 +268,7 @@ class Group {
     if (x.kind == Kind::fixed || y.kind == Kind::fixed) return {};
     const std::size_t n = plan_.arguments.size();
     if (x.kind == Kind::kept && y.kind == Kind::kept) {
-      const PairAddress& p = plan_.pairs[(row_ + l) * (n * (n + 1) / 2) + pair];
+      const PairAddress& p = pair_of(l, pair);
       auto kind = p.kind;
       if (swap)
         kind = kind == PairAddress::Kind::stored       ? PairAddress::Kind::transposed

@@ -47,22 +47,26 @@ void row_tile_in_chunks(const Target& c, const double* a, std::int64_t lda, cons
     row_tile<false>(c, a + k0 * lda, lda, b + k0 * ldb, ldb, r, vectors, begin, end, std::min(kChunk, k - k0), lower);
 }
 
-// All row tiles of [row_begin, row_end); each is a task of its own with the same arithmetic on any thread. The last
-// ones, which are the largest where only the lower half is wanted, are given out first.
+// Tiles of rows are counted from the last row upwards: the same rows are the same task in every call for a front, and a
+// pool that gives a task to the same worker finds them in that worker's cache. The largest, where only the lower half
+// is wanted, come first.
+template <class F>
+void for_each_row_tile(int row_begin, int row_end, TaskPool* pool, F tile) {
+  const int tiles = (row_end - row_begin + kTileRows - 1) / kTileRows;
+  parallel_for(pool, std::max(tiles, 0), [&](int task, int) {
+    const int end = row_end - task * kTileRows;
+    tile(std::max(row_begin, end - kTileRows), end);
+  });
+}
+
+// All row tiles of [row_begin, row_end), multiples of kLanes apart; each is a task of its own with the same arithmetic
+// on any thread.
 template <bool kOverwrite>
 void all_row_tiles(const Target& c, const double* a, std::int64_t lda, const double* b, std::int64_t ldb, int row_begin,
                    int row_end, int begin, int end, int k, bool lower, TaskPool* pool) {
-  const int tiles = (row_end - row_begin + kTileRows - 1) / kTileRows;
-  auto one = [&](int tile, int) {
-    const int r = row_begin + tile * kTileRows;
-    const int vectors = std::min(kMaxVectors, (row_end - r + kLanes - 1) / kLanes);
-    row_tile_in_chunks<kOverwrite>(c, a, lda, b, ldb, r, vectors, begin, end, k, lower);
-  };
-  if (pool == nullptr) {
-    for (int tile = 0; tile < tiles; ++tile) one(tile, 0);
-  } else {
-    parallel_for(pool, tiles, [&](int task, int worker) { one(tiles - 1 - task, worker); });
-  }
+  for_each_row_tile(row_begin, row_end, pool, [&](int r, int last) {
+    row_tile_in_chunks<kOverwrite>(c, a, lda, b, ldb, r, (last - r + kLanes - 1) / kLanes, begin, end, k, lower);
+  });
 }
 
 // The factored square at the diagonal of up to kCols columns, for the rows below it.
@@ -190,11 +194,7 @@ void factor_panel(double* panel, std::int64_t ld, int n, int p, const double* th
     const int k1 = std::min(k0 + kPanelColumns, p);
     Strip strip(panel, ld, k0, k1);
     const int below = strip.factor_diagonal(threshold, inverse_diagonal);
-    const int tiles = (n - below + kTileRows - 1) / kTileRows;
-    parallel_for(pool, std::max(tiles, 0), [&](int tile, int) {
-      const int r = below + tile * kTileRows;
-      strip.solve_rows_below(r, std::min(r + kTileRows, n));
-    });
+    for_each_row_tile(below, round_up_8(n), pool, [&](int r, int end) { strip.solve_rows_below(r, std::min(end, n)); });
     if (k1 == p) break;
     const double* a = panel + k0 * ld;
     all_row_tiles<false>({panel, ld, 0, 0}, a, ld, a, ld, k1, round_up_8(n), k1, p, k1 - k0, true, pool);
@@ -292,13 +292,69 @@ struct Upper {
 
 }  // namespace
 
-void solve_panel_lower(const double* panel, std::int64_t ld, int n, int p, const double* inverse_diagonal, double* v) {
-  for (int j = 0; j < p; j += kCols) by_width<Lower>(std::min(kCols, p - j))(panel, ld, n, j, inverse_diagonal, v);
+namespace {
+
+// From this size on [numbers] a panel is solved in two parts, the rows of its pivots and those below.
+constexpr std::int64_t kLargePanel = 20000;
+constexpr int kSolveRows = 64, kSolveColumns = 16;  // a task's share of what is below
+
+// Row of the first vector that holds no pivot's row.
+int first_below(int n, int p) {
+  const bool large = static_cast<std::int64_t>(n) * p >= kLargePanel;
+  return large ? std::min(n, (p + kCols - 1) / kCols * kCols) : n;
 }
 
-void solve_panel_upper(const double* panel, std::int64_t ld, int n, int p, const double* inverse_diagonal, double* v) {
+// v -= L y for V vectors of rows, and columns [0, p).
+template <int V>
+void subtract_rows(const double* l, std::int64_t ld, int p, const double* y, double* v) {
+  Vec x[V];
+#pragma GCC unroll 8
+  for (int k = 0; k < V; ++k) x[k] = load(v + k * kLanes);
+  for (int c = 0; c < p; ++c, l += ld) {
+#pragma GCC unroll 8
+    for (int k = 0; k < V; ++k) x[k] -= load(l + k * kLanes) * y[c];
+  }
+#pragma GCC unroll 8
+  for (int k = 0; k < V; ++k) store(v + k * kLanes, x[k]);
+}
+
+// v1 -= Lᵀ v for W columns, v1 from column 0 on, and rows [0, n).
+template <int W>
+void subtract_columns(const double* l, std::int64_t ld, int n, const double* v, double* v1) {
+  Vec acc[W] = {};
+  for (int r = 0; r < n; r += kLanes) {
+    const Vec x = load(v + r);
+#pragma GCC unroll 8
+    for (int c = 0; c < W; ++c) acc[c] += load(l + r + c * ld) * x;
+  }
+  for (int c = 0; c < W; ++c) v1[c] -= sum(acc[c]);
+}
+
+}  // namespace
+
+void solve_panel_lower(const double* panel, std::int64_t ld, int n, int p, const double* inverse_diagonal, double* v,
+                       TaskPool* pool) {
+  const int below = first_below(n, p);
+  for (int j = 0; j < p; j += kCols) by_width<Lower>(std::min(kCols, p - j))(panel, ld, below, j, inverse_diagonal, v);
+  parallel_for(pool, (n - below + kSolveRows - 1) / kSolveRows, [&](int task, int) {
+    int r = below + task * kSolveRows;
+    const int end = std::min(r + kSolveRows, n);
+    for (; end - r > 7 * kLanes; r += 8 * kLanes) subtract_rows<8>(panel + r, ld, p, v, v + r);
+    for (; r < end; r += kLanes) subtract_rows<1>(panel + r, ld, p, v, v + r);
+  });
+}
+
+void solve_panel_upper(const double* panel, std::int64_t ld, int n, int p, const double* inverse_diagonal, double* v,
+                       TaskPool* pool) {
+  const int below = first_below(n, p);
+  parallel_for(pool, below < n ? (p + kSolveColumns - 1) / kSolveColumns : 0, [&](int task, int) {
+    int j = task * kSolveColumns;
+    const int end = std::min(j + kSolveColumns, p);
+    for (; end - j >= 8; j += 8) subtract_columns<8>(panel + below + j * ld, ld, n - below, v + below, v + j);
+    for (; j < end; ++j) subtract_columns<1>(panel + below + j * ld, ld, n - below, v + below, v + j);
+  });
   for (int j = (p - 1) / kCols * kCols; j >= 0; j -= kCols)
-    by_width<Upper>(std::min(kCols, p - j))(panel, ld, n, j, inverse_diagonal, v);
+    by_width<Upper>(std::min(kCols, p - j))(panel, ld, below, j, inverse_diagonal, v);
 }
 
 void add(double* y, const double* x, int n) {

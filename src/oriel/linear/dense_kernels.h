@@ -44,9 +44,11 @@ void gemm_minus(double* c, std::int64_t ldc, int m, int n, const double* a, std:
                 std::int64_t ldb, int k, TaskPool* pool = nullptr);
 
 // v := [L11⁻¹ v1; v2 - L21 L11⁻¹ v1] for a factored panel; v has n values, padded with zeros to round_up_8(n).
-void solve_panel_lower(const double* panel, std::int64_t ld, int n, int p, const double* inverse_diagonal, double* v);
+void solve_panel_lower(const double* panel, std::int64_t ld, int n, int p, const double* inverse_diagonal, double* v,
+                       TaskPool* pool = nullptr);
 // v1 := L11⁻ᵀ (v1 - L21ᵀ v2); same shapes.
-void solve_panel_upper(const double* panel, std::int64_t ld, int n, int p, const double* inverse_diagonal, double* v);
+void solve_panel_upper(const double* panel, std::int64_t ld, int n, int p, const double* inverse_diagonal, double* v,
+                       TaskPool* pool = nullptr);
 
 // y += x and y = x for n values, where n is small: rows of blocks.
 void add(double* y, const double* x, int n);

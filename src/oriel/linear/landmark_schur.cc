@@ -13,6 +13,8 @@ namespace {
 constexpr int kPanelColumns = 96;  // of Z at once: with 64 rows it stays in the first-level cache's neighbour
 constexpr double kRelativePivot = 1e-13;
 constexpr int kLargestLandmark = 3;
+constexpr std::int64_t kSum = 1 << 13;  // numbers of S that a worker sums at a time
+constexpr int kTogether = 256;          // landmarks that a worker substitutes into at a time
 
 // Lower Cholesky factor of V + D with inverse diagonal; a pivot that is rounding error gets a zero row (undetermined).
 struct SmallCholesky {
@@ -158,10 +160,10 @@ void LandmarkSchur::prepare(const LinearStructure& structure) {
     slice_rhs_.resize(slices_);
     slice_undetermined_.resize(slices_);
   }
-  int largest = 0;
-  for (const LandmarkBlock& l : structure.landmarks()) largest = std::max(largest, (l.dim + 1) * (l.rows + 8));
+  largest_ = 0;
+  for (const LandmarkBlock& l : structure.landmarks()) largest_ = std::max(largest_, (l.dim + 1) * (l.rows + 8));
   for (auto& z : slice_z_)
-    if (static_cast<int>(z.size()) < largest) z.resize(largest);
+    if (static_cast<int>(z.size()) < largest_) z.resize(static_cast<std::size_t>(largest_));
   if (slices_ > 1) slice_s_.reserve((slices_ - 1) * structure.factorization().storage_size());
   if (structure.landmark_panel()) {
     const int rows = structure.panel_rows() + 1;
@@ -185,8 +187,12 @@ void LandmarkSchur::reduce(const LinearStructure& structure, const LinearSystem&
     slice_rhs_[k].assign(structure.kept_dim(), 0.0);
     reduce_slice(structure, system, damping, k, sk, slice_rhs_[k].data());
   });
+  parallel_for(pool, slices_ > 1 ? static_cast<int>((size + kSum - 1) / kSum) : 0, [&](int part, int) {
+    const std::int64_t from = part * kSum, count = std::min(kSum, size - from);
+    for (int k = 1; k < slices_; ++k)
+      dense::add(s + from, slice_s_.data() + (k - 1) * size + from, static_cast<int>(count));
+  });
   for (int k = 0; k < slices_; ++k) {  // in the order of slices, whoever computed them
-    if (k > 0) dense::add(s, slice_s_.data() + (k - 1) * size, static_cast<int>(size));
     for (int i = 0; i < structure.kept_dim(); ++i) rhs[i] += slice_rhs_[k][i];
     undetermined_.insert(undetermined_.end(), slice_undetermined_[k].begin(), slice_undetermined_[k].end());
   }
@@ -300,28 +306,38 @@ void LandmarkSchur::subtract_panel(const LinearStructure& structure, double* s, 
 
 void LandmarkSchur::back_substitute(const LinearStructure& structure, const LinearSystem& system, const double* damping,
                                     double* step, TaskPool* pool) {
-  const auto& kept = structure.kept();
-  parallel_for(pool, slices_, [&](int slice, int) {
-    double* gathered = slice_z_[slice].data();  // the step of a landmark's neighbours, side by side
-    for (int n = cuts_[slice]; n < cuts_[slice + 1]; ++n) {
-      const LandmarkBlock& l = structure.landmarks()[n];
-      const double* data = system.landmarks.data();
-      const SmallCholesky c(data + l.v(), damping + l.offset, l.dim);
-      const double* near = structure.landmark_panel() ? step + structure.first_scalar() : gathered;
-      int row = 0;
-      for (int a = 0; near == gathered && a < l.neighbours; ++a) {
-        const KeptBlock& b = kept[structure.neighbours()[l.first_neighbour + a]];
-        for (int i = 0; i < b.dim; ++i) gathered[row + i] = step[b.offset + i];
-        row += b.dim;
-      }
-      double x[kLargestLandmark];
-      for (int k = 0; k < l.dim; ++k)
-        x[k] = -system.gradient[l.offset + k] - dot(data + l.w() + std::int64_t{k} * l.rows, near, l.rows);
-      c.forward(x);
-      c.backward(x);
-      for (int k = 0; k < l.dim; ++k) step[l.offset + k] = x[k];
-    }
+  const std::size_t workers = pool == nullptr ? 1 : static_cast<std::size_t>(pool->workers());
+  if (slice_z_.size() < workers) slice_z_.resize(workers);
+  for (auto& z : slice_z_)
+    if (static_cast<int>(z.size()) < largest_) z.resize(static_cast<std::size_t>(largest_));
+  const int landmarks = static_cast<int>(structure.landmarks().size());
+  parallel_for(pool, (landmarks + kTogether - 1) / kTogether, [&](int task, int worker) {
+    double* gathered = slice_z_[static_cast<std::size_t>(worker)].data();
+    for (int n = task * kTogether; n < std::min((task + 1) * kTogether, landmarks); ++n)
+      substitute(structure, structure.landmarks()[static_cast<std::size_t>(n)], system, damping, gathered, step);
   });
+}
+
+// `gathered`: room for the step of the landmark's neighbours, side by side.
+void LandmarkSchur::substitute(const LinearStructure& structure, const LandmarkBlock& l, const LinearSystem& system,
+                               const double* damping, double* gathered, double* step) {
+  const auto& kept = structure.kept();
+  const double* data = system.landmarks.data();
+  const SmallCholesky c(data + l.v(), damping + l.offset, l.dim);
+  const double* near = structure.landmark_panel() ? step + structure.first_scalar() : gathered;
+  int row = 0;
+  for (int a = 0; near == gathered && a < l.neighbours; ++a) {
+    const KeptBlock& b = kept[static_cast<std::size_t>(structure.neighbours()[l.first_neighbour + a])];
+    for (int i = 0; i < b.dim; ++i) gathered[row + i] = step[b.offset + i];
+    row += b.dim;
+  }
+  double x[kLargestLandmark];
+  for (int k = 0; k < l.dim; ++k)
+    x[k] = -system.gradient[static_cast<std::size_t>(l.offset + k)] -
+           dot(data + l.w() + std::int64_t{k} * l.rows, near, l.rows);
+  c.forward(x);
+  c.backward(x);
+  for (int k = 0; k < l.dim; ++k) step[l.offset + k] = x[k];
 }
 
 }  // namespace oriel

@@ -31,12 +31,14 @@ class LandmarkSchur {
                       double* s) const;
   void reduce_panel(const LinearStructure& structure, const LinearSystem& system, const double* damping, double* s,
                     double* rhs);
+  static void substitute(const LinearStructure& structure, const LandmarkBlock& landmark, const LinearSystem& system,
+                         const double* damping, double* gathered, double* step);
   void subtract_panel(const LinearStructure& structure, double* s, double* rhs);
 
-  int slices_ = 1;
-  std::vector<int> cuts_;  // landmarks of slice k: [cuts_[k], cuts_[k + 1])
+  int slices_ = 1, largest_ = 0;  // largest_: [doubles] of Z and Z y of a landmark
+  std::vector<int> cuts_;         // landmarks of slice k: [cuts_[k], cuts_[k + 1])
   AlignedBuffer panel_, product_, slice_s_;
-  std::vector<std::vector<double>> slice_rhs_, slice_z_;
+  std::vector<std::vector<double>> slice_rhs_, slice_z_;  // slice_z_: also one a worker
   std::vector<std::vector<int>> slice_undetermined_;
   std::vector<int> undetermined_;
 };

@@ -5,26 +5,20 @@
 #include <cmath>
 #include <cstring>
 
-#include "oriel/linear/accumulate.h"
 #include "oriel/linear/dot.h"
+#include "oriel/linear/plan_batches.h"
 #include "oriel/linear/row_pointers.h"
 
 namespace oriel {
 namespace {
 
 constexpr std::size_t kRows = Batch::kRows;
+constexpr std::size_t kTogether = 8;  // batches that a worker evaluates at a time
 
-std::size_t batches_of(const TablePlan& plan) { return (plan.rows.size() + kRows - 1) / kRows; }
-
-std::int64_t doubles_of(const TablePlan& plan, bool jacobians) {
-  const int dim = plan.table->ops().dim;
-  int cols = 0;
-  for (const auto& a : plan.arguments) cols += a.dim;
-  return std::int64_t{kRows} * dim * (1 + (jacobians ? cols : 0));
-}
+}  // namespace
 
 // Sums in the order of batches, whoever computed them.
-void add_up(const LinearStructure& structure, ActiveSet& set) {
+void Linearizer::add_up(const LinearStructure& structure, ActiveSet& set) {
   set.total = set.prior_cost;
   set.invalid = set.not_finite = 0;
   std::size_t at = 0;
@@ -39,33 +33,13 @@ void add_up(const LinearStructure& structure, ActiveSet& set) {
     }
 }
 
-// What the Jacobians of batch `at` say of which of its rows count; true if that changes anything.
-bool note_jacobians(const Batch& batch, std::size_t at, ActiveSet& set) {
-  const std::uint64_t was = set.no_jacobian[at], now = batch.not_finite & ~set.not_finite_mask[at];
-  if (now == was) [[likely]]
-    return false;
-  set.no_jacobian[at] = now;
-  for (int l = 0; l < batch.rows; ++l)
-    if ((now ^ was) >> l & 1u) set.cost[at * kRows + static_cast<std::size_t>(l)] = batch.cost[l];  // 0 without one
-  set.valid[at] = (set.valid[at] & ~now) | (batch.valid & was & ~now);
-  return true;
-}
-
-}  // namespace
-
-// Batch `index` of a plan; before it stand `before` batches of other plans, whose residuals take up `residuals`
-// doubles.
-struct Linearizer::Place {
-  std::size_t plan = 0, index = 0, before = 0;
-  std::int64_t residuals = 0;
-};
-
 // Pointers to what the rows of a batch need, and the call to the one function that knows their types.
 void Linearizer::run_batch(const Graph& graph, const TablePlan& plan, const Point& point, const Place& place,
                            const ActiveSet* evaluated, double* r, double* j, Batch& batch) const {
   const FactorTable& table = *plan.table;
   const std::size_t first = place.index * kRows, arity = static_cast<std::size_t>(table.arity());
-  const std::size_t n = std::min(kRows, plan.rows.size() - first);
+  std::size_t n = std::min(kRows, plan.rows.size() - first);
+  if (plan.runs.empty()) n = std::min(n, static_cast<std::size_t>(std::bit_width(plan.active[place.index])));
   RowPointerArrays arrays;
   RowPointers rows;
   rows.robust = table.robust();
@@ -119,13 +93,16 @@ void Linearizer::sum_costs(const Graph& graph, const LinearStructure& structure,
     const std::size_t batches = batches_of(plan);
     const std::int64_t each = doubles_of(plan, false);
     for (AlignedBuffer& s : scratch_) s.reserve(each);
-    parallel_for(pool, static_cast<int>(batches), [&](int b, int worker) {
+    parallel_for(pool, static_cast<int>((batches + kTogether - 1) / kTogether), [&](int task, int worker) {
       Place at = place;
-      at.index = static_cast<std::size_t>(b);
-      double* r = out.has_residuals ? out.residuals.data() + at.residuals + each * b : scratch_[worker].data();
-      Batch batch;
-      run_batch(graph, plan, point, at, nullptr, r, nullptr, batch);
-      keep(batch, plan.table->robust(), at.before + at.index, frozen, out);
+      at.index = static_cast<std::size_t>(task) * kTogether;
+      for (const std::size_t end = std::min(at.index + kTogether, batches); at.index < end; ++at.index) {
+        double* r = out.has_residuals ? out.residuals.data() + at.residuals + each * static_cast<std::int64_t>(at.index)
+                                      : scratch_[static_cast<std::size_t>(worker)].data();
+        Batch batch;
+        run_batch(graph, plan, point, at, nullptr, r, nullptr, batch);
+        keep(batch, plan.table->robust(), at.before + at.index, frozen, out);
+      }
     });
     place.before += batches;
     place.residuals += each * static_cast<std::int64_t>(batches);
@@ -202,94 +179,6 @@ void Linearizer::keep(const Batch& batch, bool robust, std::size_t at, const Act
   }
 }
 
-void Linearizer::lay_out(const LinearStructure& structure) {
-  std::int64_t largest = 0;
-  for (std::size_t t = 0; t < structure.plan_count(); ++t)
-    largest = std::max(largest, doubles_of(structure.plans()[t], true));
-  if (scratch_.empty()) scratch_.resize(1);
-  scratch_[0].reserve(largest);
-  pack_measurements(structure);
-}
-
-void Linearizer::linearize(const Graph& graph, const LinearStructure& structure, const Point& point, ActiveSet* active,
-                           LinearSystem& out, TaskPool* pool) {
-  const std::int64_t h = structure.factorization().storage_size();
-  out.h.reserve(h);
-  out.landmarks.reserve(structure.landmark_store());
-  if (structure.prior_count() > 0) {
-    if (prior_h_structure_ != structure.version()) sum_prior_hessians(graph, structure);
-    std::copy_n(prior_h_.data(), h, out.h.data());
-  } else {
-    std::fill_n(out.h.data(), h, 0.0);
-  }
-  std::fill_n(out.landmarks.data(), structure.landmark_store(), 0.0);
-  out.gradient.assign(structure.dim(), 0.0);
-  not_finite_ = 0;
-  lay_out(structure);
-  add_prior_gradients(graph, structure, point, out);
-  const bool changed = pool != nullptr && pool->workers() > 1
-                           ? linearize_apart(graph, structure, point, active, out, pool)
-                           : linearize_in_turn(graph, structure, point, active, out);
-  if (changed) add_up(structure, *active);
-  copy_diagonal(structure, out);
-  for (const LandmarkBlock& l : structure.landmarks())
-    for (int k = 0; k < l.dim; ++k) out.gradient[l.offset + k] += out.landmarks.data()[l.g() + k];
-}
-
-// True if the active set is another one now.
-bool Linearizer::linearize_in_turn(const Graph& graph, const LinearStructure& structure, const Point& point,
-                                   ActiveSet* active, LinearSystem& out) {
-  bool changed = false;
-  Place place;
-  for (std::size_t t = 0; t < structure.plan_count(); ++t) {
-    place.plan = t;
-    const TablePlan& plan = structure.plans()[t];
-    const std::size_t batches = batches_of(plan);
-    double* r = scratch_[0].data();
-    double* j = r + doubles_of(plan, false);
-    for (place.index = 0; place.index < batches; ++place.index) {
-      Batch batch;
-      run_batch(graph, plan, point, place, active, r, j, batch);
-      not_finite_ += std::popcount(batch.not_finite);
-      if (active != nullptr) changed |= note_jacobians(batch, place.before + place.index, *active);
-      accumulate(structure, plan, place.index * kRows, batch, out, kernel_fallbacks_);
-    }
-    place.before += batches;
-    place.residuals += doubles_of(plan, false) * static_cast<std::int64_t>(batches);
-  }
-  return changed;
-}
-
-// Several workers: all batches are evaluated beside each other and kept; the sums are then made in the same order as
-// by one worker, so the bits are the same.
-bool Linearizer::linearize_apart(const Graph& graph, const LinearStructure& structure, const Point& point,
-                                 ActiveSet* active, LinearSystem& out, TaskPool* pool) {
-  bool changed = false;
-  Place place;
-  for (std::size_t t = 0; t < structure.plan_count(); ++t) {
-    place.plan = t;
-    const TablePlan& plan = structure.plans()[t];
-    const std::size_t batches = batches_of(plan);
-    const std::int64_t each = doubles_of(plan, true), r_size = doubles_of(plan, false);
-    stored_.reserve(each * static_cast<std::int64_t>(batches));
-    if (batches_.size() < batches) batches_.resize(batches);
-    parallel_for(pool, static_cast<int>(batches), [&](int b, int) {
-      Place at = place;
-      at.index = static_cast<std::size_t>(b);
-      double* r = stored_.data() + each * b;
-      run_batch(graph, plan, point, at, active, r, r + r_size, batches_[b]);
-    });
-    for (std::size_t b = 0; b < batches; ++b) {
-      not_finite_ += std::popcount(batches_[b].not_finite);
-      if (active != nullptr) changed |= note_jacobians(batches_[b], place.before + b, *active);
-      accumulate(structure, plan, b * kRows, batches_[b], out, kernel_fallbacks_);
-    }
-    place.before += batches;
-    place.residuals += r_size * static_cast<std::int64_t>(batches);
-  }
-  return changed;
-}
-
 // e = x ⊟ x̂ of all variables of a prior.
 void Linearizer::prior_error(const Graph& graph, const PriorPlan& plan, const Point& point) {
   const double* estimate = graph.priors().estimates(plan.row);
@@ -354,18 +243,6 @@ void Linearizer::sum_prior_hessians(const Graph& graph, const LinearStructure& s
       }
   }
   prior_h_structure_ = structure.version();
-}
-
-void Linearizer::copy_diagonal(const LinearStructure& structure, LinearSystem& out) const {
-  out.diagonal.resize(structure.dim());
-  const auto& kept = structure.kept();
-  for (std::size_t i = 0; i < kept.size(); ++i) {
-    const BlockAddress at = structure.address(static_cast<int>(i), static_cast<int>(i));
-    for (int k = 0; k < kept[i].dim; ++k)
-      out.diagonal[kept[i].offset + k] = out.h.data()[at.offset + std::int64_t{k} * at.ld + k];
-  }
-  for (const LandmarkBlock& l : structure.landmarks())
-    for (int k = 0; k < l.dim; ++k) out.diagonal[l.offset + k] = out.landmarks.data()[l.v() + k * l.dim + k];
 }
 
 }  // namespace oriel

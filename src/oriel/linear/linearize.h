@@ -15,7 +15,7 @@ namespace oriel {
 // H (kept with kept, in the layout of the factorization), g = Jᵀr (kept, then landmarks), and for each landmark V, g,
 // W.
 struct LinearSystem {
-  AlignedBuffer h;
+  AlignedBuffer h;               // behind H: partial sums, which are added to it (structure_slices.cc)
   std::vector<double> gradient;  // of the cost by the step, dim() values; those of landmarks too
   AlignedBuffer landmarks;
   std::vector<double> diagonal;  // of the whole H, dim() values
@@ -62,16 +62,22 @@ class Linearizer {
   std::int64_t not_finite() const { return not_finite_; }
 
  private:
-  struct Place;  // of a batch among all
+  // Batch `index` of a plan; before it stand `before` batches of other plans, whose residuals take up `residuals`
+  // doubles.
+  struct Place {
+    std::size_t plan = 0, index = 0, before = 0;
+    std::int64_t residuals = 0;
+  };
   struct Packed {
     AlignedBuffer numbers;
     std::size_t packs = 0;  // of a group of eight rows
   };
   void pack_measurements(const LinearStructure& structure);
-  void lay_out(const LinearStructure& structure);
+  void lay_out(const LinearStructure& structure, TaskPool* pool);
   void lay_out(const Graph& graph, const LinearStructure& structure, ActiveSet& out);
   void sum_costs(const Graph& graph, const LinearStructure& structure, const Point& point, const ActiveSet* frozen,
                  ActiveSet& out, TaskPool* pool);
+  static void add_up(const LinearStructure& structure, ActiveSet& set);
   static void keep(const Batch& batch, bool robust, std::size_t at, const ActiveSet* frozen, ActiveSet& out);
   void run_batch(const Graph& graph, const TablePlan& plan, const Point& point, const Place& place,
                  const ActiveSet* evaluated, double* r, double* j, Batch& batch) const;
@@ -79,17 +85,23 @@ class Linearizer {
   void add_prior_gradients(const Graph& graph, const LinearStructure& structure, const Point& point, LinearSystem& out);
   void sum_prior_hessians(const Graph& graph, const LinearStructure& structure);
   void prior_error(const Graph& graph, const PriorPlan& plan, const Point& point);
-  bool linearize_in_turn(const Graph& graph, const LinearStructure& structure, const Point& point, ActiveSet* active,
-                         LinearSystem& out);
-  bool linearize_apart(const Graph& graph, const LinearStructure& structure, const Point& point, ActiveSet* active,
-                       LinearSystem& out, TaskPool* pool);
-  void copy_diagonal(const LinearStructure& structure, LinearSystem& out) const;
+  void clear(const Graph& graph, const LinearStructure& structure, LinearSystem& out);
+  // What a range of batches found beside its sums.
+  struct Finding {
+    std::int64_t not_finite = 0, fallbacks = 0;
+    bool changed = false;  // of the active set
+  };
+  void add_batches(const Graph& graph, const LinearStructure& structure, const Point& point, ActiveSet* active,
+                   Place place, std::size_t end, double* scratch, LinearSystem& out, Finding& finding) const;
+  void add_slices(const Graph& graph, const LinearStructure& structure, const Point& point, ActiveSet* active,
+                  const Place& place, LinearSystem& out, TaskPool* pool);
+  static void add_partials(const TablePlan& plan, LinearSystem& out);
+  static void copy_diagonal(const LinearStructure& structure, LinearSystem& out, TaskPool* pool);
 
   std::vector<Packed> packed_;  // by plan
   std::uint64_t packed_structure_ = 0;
-  std::vector<AlignedBuffer> scratch_;  // one a worker: r and J of a batch
-  AlignedBuffer stored_;                // r and J of all batches, where several workers share the work
-  std::vector<Batch> batches_;
+  std::vector<AlignedBuffer> scratch_;    // one a worker: r and J of a batch
+  std::vector<Finding> findings_;         // one a slice
   std::vector<double> error_, residual_;  // of a prior
   PriorProduct prior_product_;
   AlignedBuffer prior_h_;  // RᵀR of all priors: a cache, made once a structure

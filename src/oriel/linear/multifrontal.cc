@@ -14,7 +14,8 @@ namespace oriel {
 namespace {
 
 // Fronts of the top of the tree share their tiles among the workers from this size on [flop].
-constexpr double kParallelFront = 4e6;
+constexpr double kParallelFront = 2e6;
+constexpr int kColumns = 24;  // that a worker assembles at a time
 
 Error make_error(ErrorCode code, std::string message) {
   Error error;
@@ -43,23 +44,33 @@ Result<void> check_input(const BlockPattern& pattern, const FactorOptions& optio
   return {};
 }
 
-// to += from, where both are lower triangles by columns: columns [run.row + skip...) of a child's update matrix.
-struct ChildColumns {
+// The update matrix of a child, a lower triangle, with its rows in the parent.
+struct Child {
   const double* data;  // element (row, column), both counted in the child: data[row + column·ld]
   std::int64_t ld;
-  std::span<const Run> runs;
+  std::span<const Run> runs;  // ascending
 };
 
-// Adds columns of child run q into `to`: element (r, c) of the parent is to[r + c·ld].
-void add_columns(const ChildColumns& child, std::size_t q, double* to, std::int64_t ld) {
-  const Run& columns = child.runs[q];
-  for (int c = 0; c < columns.length; ++c) {
-    const double* from = child.data + (columns.row + c) * child.ld;
-    double* column = to + (columns.other + c) * ld;
-    dense::add(column + columns.other + c, from + columns.row + c, columns.length - c);
-    for (std::size_t k = q + 1; k < child.runs.size(); ++k)
-      dense::add(column + child.runs[k].other, from + child.runs[k].row, child.runs[k].length);
+// Adds what a child has for columns [begin, end) of the parent: element (r, c) of the parent is to[r + c·ld].
+void add_columns(const Child& child, double* to, std::int64_t ld, int begin, int end) {
+  for (std::size_t q = 0; q < child.runs.size() && child.runs[q].other < end; ++q) {
+    const Run& columns = child.runs[q];
+    for (int c = std::max(0, begin - columns.other); c < std::min(columns.length, end - columns.other); ++c) {
+      const double* from = child.data + (columns.row + c) * child.ld;
+      double* column = to + (columns.other + c) * ld;
+      dense::add(column + columns.other + c, from + columns.row + c, columns.length - c);
+      for (std::size_t k = q + 1; k < child.runs.size(); ++k)
+        dense::add(column + child.runs[k].other, from + child.runs[k].row, child.runs[k].length);
+    }
   }
+}
+
+// f(begin, end) for all of [0, count): in pieces where there is a pool.
+template <class F>
+void for_columns(TaskPool* pool, int count, F f) {
+  if (pool == nullptr) return f(0, count);
+  parallel_for(pool, (count + kColumns - 1) / kColumns,
+               [&](int task, int) { f(task * kColumns, std::min((task + 1) * kColumns, count)); });
 }
 
 }  // namespace
@@ -91,9 +102,13 @@ void Multifrontal::order_blocks(const BlockPattern& pattern, const FactorOptions
 void Multifrontal::reserve(int workers) {
   factor_.reserve(symbolic_.factor_size());
   shared_arena_.reserve(symbolic_.shared_arena_size());
-  local_.reserve(dense::round_up_8(symbolic_.largest_front()));
   if (static_cast<int>(task_arenas_.size()) < workers) task_arenas_.resize(workers);
   for (AlignedBuffer& arena : task_arenas_) arena.reserve(symbolic_.task_arena_size());
+  if (static_cast<int>(local_.size()) < workers) local_.resize(workers), worker_vector_.resize(workers);
+  for (AlignedBuffer& local : local_) local.reserve(dense::round_up_8(symbolic_.largest_front()));
+  if (!symbolic_.subtrees().empty())
+    for (AlignedBuffer& vector : worker_vector_) vector.reserve(symbolic_.total_dim());
+  subtree_part_.resize(static_cast<std::size_t>(symbolic_.subtree_part_size()));
 }
 
 const FactorReport& Multifrontal::factor(const double* h, const double* damping, TaskPool* pool) {
@@ -111,16 +126,18 @@ const FactorReport& Multifrontal::factor(const double* h, const double* damping,
 
 void Multifrontal::factor_front(int front, const double* h, const double* damping, int worker, TaskPool* pool) {
   const Front& f = symbolic_.fronts()[front];
-  copy_pivots(f, h, damping);
-  for (int child : symbolic_.children(front)) assemble_pivots(f, child, worker);
-  double* const panel = factor_.data() + f.offset;
   if (static_cast<double>(f.n) * f.n * f.p < kParallelFront) pool = nullptr;
+  double* const panel = factor_.data() + f.offset;
+  copy_pivots(f, h, damping);
+  for_columns(pool, f.p, [&](int begin, int end) { assemble(front, worker, panel, f.ld, begin, end); });
   dense::factor_panel(panel, f.ld, f.n, f.p, threshold_.data() + f.first_scalar,
                       inverse_diagonal_.data() + f.first_scalar, pool);
   if (f.n == f.p) return;
   double* const update = update_of(front, worker);
   dense::form_update(panel, f.ld, f.n, f.p, update, f.update_ld, pool);
-  for (int child : symbolic_.children(front)) assemble_update(f, child, worker, update);
+  double* const to = update - dense::round_down_8(f.p) - static_cast<std::int64_t>(f.p) * f.update_ld;
+  for_columns(pool, f.n - f.p,
+              [&](int begin, int end) { assemble(front, worker, to, f.update_ld, f.p + begin, f.p + end); });
 }
 
 void Multifrontal::copy_pivots(const Front& f, const double* h, const double* damping) {
@@ -149,26 +166,15 @@ double* Multifrontal::update_of(int front, int worker) {
   return (shared ? shared_arena_.data() : task_arenas_[worker].data()) + f.update_offset;
 }
 
-// The columns of a child's update matrix that are pivots here. Runs are ascending: pivots come first.
-void Multifrontal::assemble_pivots(const Front& f, int child, int worker) {
-  const Front& c = symbolic_.fronts()[child];
-  const double* from = update_of(child, worker);
-  const ChildColumns columns{from - dense::round_down_8(c.p) - static_cast<std::int64_t>(c.p) * c.update_ld,
-                             c.update_ld, symbolic_.runs(c)};
-  double* const panel = factor_.data() + f.offset;
-  for (std::size_t q = 0; q < columns.runs.size() && columns.runs[q].other < f.p; ++q)
-    add_columns(columns, q, panel, f.ld);
-}
-
-// The other columns.
-void Multifrontal::assemble_update(const Front& f, int child, int worker, double* update) {
-  const Front& c = symbolic_.fronts()[child];
-  const double* from = update_of(child, worker);
-  const ChildColumns columns{from - dense::round_down_8(c.p) - static_cast<std::int64_t>(c.p) * c.update_ld,
-                             c.update_ld, symbolic_.runs(c)};
-  double* const to = update - dense::round_down_8(f.p) - static_cast<std::int64_t>(f.p) * f.update_ld;
-  for (std::size_t q = columns.runs.size(); q-- > 0 && columns.runs[q].other >= f.p;)
-    add_columns(columns, q, to, f.update_ld);
+// Adds what the children have for columns [begin, end).
+void Multifrontal::assemble(int front, int worker, double* to, std::int64_t ld, int begin, int end) {
+  for (int index : symbolic_.children(front)) {
+    const Front& c = symbolic_.fronts()[index];
+    const double* from = update_of(index, worker);
+    const Child child{from - dense::round_down_8(c.p) - static_cast<std::int64_t>(c.p) * c.update_ld, c.update_ld,
+                      symbolic_.runs(c)};
+    add_columns(child, to, ld, begin, end);
+  }
 }
 
 void Multifrontal::make_report() {
@@ -214,40 +220,11 @@ void Multifrontal::from_elimination_order(const double* y, double* x) const {
     std::copy_n(y + symbolic_.scalar(block), symbolic_.dim(block), x + symbolic_.input_offset(block));
 }
 
-void Multifrontal::solve(const double* b, double* x) {
+void Multifrontal::solve(const double* b, double* x, TaskPool* pool) {
   to_elimination_order(b, vector_.data());
-  solve_lower(vector_.data());
-  solve_upper(vector_.data());
+  solve_lower(vector_.data(), pool);
+  solve_upper(vector_.data(), pool);
   from_elimination_order(vector_.data(), x);
-}
-
-// local_ = the values of y at a front's rows, zeros in the padding.
-void Multifrontal::load(const Front& f, const double* y) {
-  double* const v = local_.data();
-  std::copy_n(y + f.first_scalar, f.p, v);
-  for (const Run& span : symbolic_.spans(f)) std::copy_n(y + span.other, span.length, v + span.row);
-  std::fill(v + f.n, v + dense::round_up_8(f.n), 0.0);
-}
-
-void Multifrontal::solve_lower(double* y) {
-  double* const v = local_.data();
-  for (const Front& f : symbolic_.fronts()) {
-    load(f, y);
-    dense::solve_panel_lower(factor_.data() + f.offset, f.ld, f.n, f.p, inverse_diagonal_.data() + f.first_scalar, v);
-    std::copy_n(v, f.p, y + f.first_scalar);
-    for (const Run& span : symbolic_.spans(f)) std::copy_n(v + span.row, span.length, y + span.other);
-  }
-}
-
-void Multifrontal::solve_upper(double* y) {
-  double* const v = local_.data();
-  const auto fronts = symbolic_.fronts();
-  for (auto i = fronts.size(); i-- > 0;) {
-    const Front& f = fronts[i];
-    load(f, y);
-    dense::solve_panel_upper(factor_.data() + f.offset, f.ld, f.n, f.p, inverse_diagonal_.data() + f.first_scalar, v);
-    std::copy_n(v, f.p, y + f.first_scalar);
-  }
 }
 
 }  // namespace oriel

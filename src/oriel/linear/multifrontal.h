@@ -64,13 +64,13 @@ class Multifrontal {
   const FactorReport& report() const { return report_; }
 
   // (H + diag(damping)) x = b; both in the order of the input, and may be the same. Meaningful unless not_finite.
-  void solve(const double* b, double* x);
+  void solve(const double* b, double* x, TaskPool* pool = nullptr);
 
   // The halves: vectors y in elimination order (symbolic().scalar(block)), total_dim() values.
   void to_elimination_order(const double* b, double* y) const;
   void from_elimination_order(const double* y, double* x) const;
-  void solve_lower(double* y);  // y := L⁻¹ y
-  void solve_upper(double* y);  // y := L⁻ᵀ y
+  void solve_lower(double* y, TaskPool* pool = nullptr);  // y := L⁻¹ y
+  void solve_upper(double* y, TaskPool* pool = nullptr);  // y := L⁻ᵀ y
 
   // 1/L_jj in elimination order, 0 where undetermined.
   std::span<const double> inverse_diagonal() const { return inverse_diagonal_; }
@@ -82,12 +82,14 @@ class Multifrontal {
   void reserve(int workers);
   void factor_front(int front, const double* h, const double* damping, int worker, TaskPool* pool);
   void copy_pivots(const Front& front, const double* h, const double* damping);
-  void assemble_pivots(const Front& front, int child, int worker);
-  void assemble_update(const Front& front, int child, int worker, double* update);
+  void assemble(int front, int worker, double* to, std::int64_t ld, int begin, int end);
   double* update_of(int front, int worker);
   void make_report();
   FactorReport::Scalar locate(int scalar) const;
-  void load(const Front& front, const double* y);
+  void load(const Front& front, const double* y, double* v) const;
+  void solve_lower(const Front& front, double* y, int worker, TaskPool* pool);
+  void solve_upper(const Front& front, double* y, int worker, TaskPool* pool);
+  void solve_subtree_lower(int subtree, double* y, int worker);
 
   Symbolic symbolic_;
   MinimumDegree minimum_degree_;
@@ -95,8 +97,12 @@ class Multifrontal {
   Symbolic other_symbolic_;
   double relative_pivot_ = 0.0;
 
-  AlignedBuffer factor_, shared_arena_, local_;
-  std::vector<AlignedBuffer> task_arenas_;  // one a worker
+  AlignedBuffer factor_, shared_arena_;
+  std::vector<AlignedBuffer> task_arenas_, local_;  // one a worker; local_: a vector over a front's rows
+  // A vector in elimination order for each worker; and what each subtree takes from the rows of its root that are not
+  // pivots, added in the order of subtrees.
+  std::vector<AlignedBuffer> worker_vector_;
+  std::vector<double> subtree_part_;
   // In elimination order, one value a scalar.
   std::vector<double> diagonal_, threshold_, inverse_diagonal_, vector_;
   FactorReport report_;

@@ -26,6 +26,7 @@ Result<void> LinearStructure::build(const Graph& graph, const FactorOptions& opt
   place_landmarks();
   if (auto ok = analyze(options); !ok) return ok;
   place_pairs();
+  place_slices();
   place_landmark_pairs();
   return {};
 }

@@ -18,13 +18,17 @@ struct Target {
   std::int32_t offset = -1;  // of its first scalar in a step: kept ones first, then landmarks
 };
 
-// Where the product of two columns of a factor's Jacobian is added.
+// Where the product of two columns of a factor's Jacobian is added. packed: the lower half of a diagonal block, column
+// after column, and then the gradient of its variable (structure_slices.cc).
 struct PairAddress {
-  enum class Kind : std::uint8_t { none, stored, transposed, diagonal_twice };
+  enum class Kind : std::uint8_t { none, stored, transposed, diagonal_twice, packed };
   std::int64_t offset = 0;
   std::int32_t ld = 0;
   Kind kind = Kind::none;
 };
+
+// [doubles] of the lower half of a packed block, before the gradient: whole vectors of eight.
+constexpr int packed_half(int dim) { return (dim * (dim + 1) / 2 + 7) / 8 * 8; }
 
 // One table of factors, as the linearization runs through it.
 struct TablePlan {
@@ -39,12 +43,27 @@ struct TablePlan {
   struct Run {
     std::uint32_t first = 0, count = 0;
   };
+  // Batches [first, last), which no other slice of the plan shares a landmark with. Before it adds anything it clears
+  // its partial sums and, where it is the first to say anything of landmarks, their blocks; ranges [begin, end) in H
+  // and in the landmark store.
+  struct Slice {
+    std::uint32_t first = 0, last = 0;
+    std::int64_t partial_begin = 0, partial_end = 0, clear_begin = 0, clear_end = 0;
+  };
+  // What a slice has to say of a block that others speak of, too: it is added to the block when all slices are done.
+  struct PartialSum {
+    std::int64_t from = 0, to = 0;  // in H
+    std::int32_t ld = 0, rows = 0, columns = 0;
+    std::int32_t gradient = -1;  // where that of a diagonal block's variable stands in a step; -1: not a diagonal block
+  };
   const FactorTable* table = nullptr;
   std::vector<Argument> arguments;  // those with columns
-  // Live rows in the order of serials, or in runs; batches are cut by 64.
+  // Live rows in the order of serials, in runs, or in slices; batches are cut by 64.
   std::vector<std::uint32_t> rows;
   std::vector<std::uint64_t> active;    // a batch each: the rows that count; the others are padding
   std::vector<Run> runs;                // empty: no runs
+  std::vector<Slice> slices;            // empty: no slices, rows are added in turn
+  std::vector<PartialSum> partials;     // in the order of slices
   int landmark_argument = -1;           // the one that is a landmark, in a table none of whose landmarks is kept
   std::vector<std::uint32_t> dense;     // rows × arity: where the values stand
   std::vector<Target> targets;          // rows × arguments
@@ -83,6 +102,22 @@ struct PriorPlan {
   std::vector<std::uint32_t> pool, dense;
 };
 
+// Which blocks of H more than one slice of a plan adds to, and where the slice at hand has its partial sum. By the
+// place of the block in H.
+class SharedBlocks {
+ public:
+  struct Entry {
+    std::int64_t block = -1, partial = 0;
+    std::int32_t slice = -1, partial_slice = -1;
+    bool shared = false;
+  };
+  void reset(std::size_t most);  // room for so many blocks
+  Entry& find(std::int64_t block);
+
+ private:
+  std::vector<Entry> entries_;  // open addressing; a power of two
+};
+
 class LinearStructure {
  public:
   // An error only if the numbers of a block overflow; never in practice.
@@ -115,6 +150,10 @@ class LinearStructure {
   int kept_dim() const { return kept_dim_; }
   int dim() const { return dim_; }  // of a step: kept and landmarks
   std::int64_t landmark_store() const { return landmark_store_; }
+  // [doubles] of H with the partial sums behind it.
+  std::int64_t hessian_size() const { return hessian_size_; }
+  // Whether slices clear the landmark store.
+  bool slices_clear_landmarks() const { return slices_clear_landmarks_; }
   std::size_t row_count() const { return row_count_; }
   Multifrontal& factorization() { return factorization_; }
   const Multifrontal& factorization() const { return factorization_; }
@@ -138,6 +177,14 @@ class LinearStructure {
   bool count_runs(const TablePlan& plan);
   void group_rows(TablePlan& plan);
   void add_runs(TablePlan& plan, std::uint32_t first, std::uint32_t count);
+  void slice_rows(TablePlan& plan);
+  bool sort_rows(const TablePlan& plan);
+  void cut_rows(TablePlan& plan);
+  void place_slices();
+  void clear_by_slices(TablePlan& plan);
+  void find_shared(const TablePlan& plan);
+  void place_partials(TablePlan& plan);
+  void place_partials_of_row(TablePlan& plan, std::size_t row, int slice);
   void number_kept(const Graph& graph);
   void plan_priors(const Graph& graph);
   void find_neighbours();
@@ -170,13 +217,14 @@ class LinearStructure {
   std::vector<std::uint32_t> pool_order_, table_order_;  // by name
   std::uint64_t version_ = 0;
   int kept_dim_ = 0, dim_ = 0, first_seen_ = 0, first_scalar_ = 0;
-  bool landmark_panel_ = false, forms_reduced_ = true, is_large_ = false;
+  bool landmark_panel_ = false, forms_reduced_ = true, is_large_ = false, slices_clear_landmarks_ = false;
   double landmark_flops_ = 0.0;
-  std::int64_t landmark_store_ = 0;
+  std::int64_t landmark_store_ = 0, hessian_size_ = 0;
   Multifrontal factorization_;
 
   // Scratch of build.
-  std::vector<std::uint32_t> run_key_, run_begin_, grouped_rows_, grouped_dense_;
+  std::vector<std::uint32_t> run_key_, run_begin_, grouped_rows_, grouped_dense_, sorted_;
+  SharedBlocks shared_;
   BlockPattern pattern_;
   std::vector<int> dims_, order_;
   std::vector<std::pair<std::int32_t, std::int32_t>> sightings_, sorted_sightings_;

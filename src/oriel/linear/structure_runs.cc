@@ -28,6 +28,8 @@ const Target& target_of(const LinearStructure& structure, const TablePlan& plan,
 
 void LinearStructure::set_active(TablePlan& plan) {
   plan.runs.clear();
+  plan.slices.clear();
+  plan.partials.clear();
   plan.active.assign((plan.rows.size() + 63) / 64, ~std::uint64_t{0});
   if (plan.rows.size() % 64 != 0) plan.active.back() = (std::uint64_t{1} << plan.rows.size() % 64) - 1;
 }
@@ -72,7 +74,7 @@ bool LinearStructure::count_runs(const TablePlan& plan) {
 void LinearStructure::group_rows(TablePlan& plan) {
   set_active(plan);
   plan.landmark_argument = find_landmark_argument(plan);
-  if (!count_runs(plan)) return;
+  if (!count_runs(plan)) return slice_rows(plan);
   constexpr std::uint32_t kLanes = Pack::kLanes;
   std::uint32_t end = 0;
   for (std::uint32_t& begin : run_begin_) {  // counts become first places

@@ -70,10 +70,12 @@ class Symbolic {
     return {children_.data() + children_begin_[front],
             static_cast<std::size_t>(children_begin_[front + 1] - children_begin_[front])};
   }
-  // Subtrees that are factored apart, one task each: fronts [first, last] are consecutive.
+  // Subtrees that are factored apart, one task each, the one of most work first: fronts [first, last] are consecutive.
   struct Subtree {
     int first, last;
+    int part = 0;  // rows of the last front that are no pivots, of the subtrees before this one
   };
+  int subtree_part_size() const { return subtree_part_size_; }  // of all subtrees
   std::span<const Subtree> subtrees() const { return subtrees_; }
 
   int blocks() const { return static_cast<int>(order_.size()); }
@@ -138,9 +140,10 @@ class Symbolic {
   void cut_subtrees();
   void place_updates();
   std::int64_t place_updates(int first, int last, int task, std::int64_t base);
+  void place_shared_updates();
   int column_row(int column, int row) const;
 
-  int total_dim_ = 0, largest_front_ = 0;
+  int total_dim_ = 0, largest_front_ = 0, subtree_part_size_ = 0;
   std::int64_t storage_size_ = 0, factor_size_ = 0, task_arena_size_ = 0, shared_arena_size_ = 0;
   double flops_ = 0, fill_ = 0;
   std::vector<int> dims_, input_offset_, order_, position_, block_scalar_, front_of_block_;
@@ -156,6 +159,10 @@ class Symbolic {
   std::vector<int> parent_, ancestor_, head_, next_, stack_, seen_, rows_, super_rows_, super_of_, next_pivot_;
   std::vector<int> bucket_begin_, bucket_, cursor_, depth_, local_row_, post_;
   std::vector<double> subtree_flops_;
+  struct Gap {
+    std::int64_t begin, end;
+  };
+  std::vector<Gap> gaps_;
   std::vector<Supernode> supers_;
 };
 

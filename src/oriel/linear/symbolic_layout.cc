@@ -1,5 +1,6 @@
 // The second half of the symbolic analysis: where everything stands in memory.
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "oriel/linear/dense_kernels.h"
@@ -202,6 +203,7 @@ void Symbolic::make_runs(Front& f) {
 void Symbolic::cut_subtrees() {
   const int count = static_cast<int>(fronts_.size());
   subtrees_.clear();
+  subtree_part_size_ = 0;
   if (flops_ < kWorthTasks) return;
   subtree_flops_.assign(count, 0.0);
   cursor_.assign(count, 1);  // fronts in the subtree
@@ -217,27 +219,71 @@ void Symbolic::cut_subtrees() {
     const bool small_enough = subtree_flops_[i] <= kLargestTask * flops_;
     const bool maximal = up < 0 || subtree_flops_[up] > kLargestTask * flops_;
     if (!small_enough || !maximal || subtree_flops_[i] < kSmallestTask * flops_) continue;
-    const Subtree tree{i - cursor_[i] + 1, i};
-    for (int k = tree.first; k <= tree.last; ++k) fronts_[k].task = static_cast<int>(subtrees_.size());
-    subtrees_.push_back(tree);
+    subtrees_.push_back({i - cursor_[i] + 1, i});
+  }
+  std::sort(subtrees_.begin(), subtrees_.end(), [&](const Subtree& a, const Subtree& b) {
+    const double x = subtree_flops_[a.last], y = subtree_flops_[b.last];
+    return x != y ? x > y : a.first < b.first;
+  });
+  for (Subtree& tree : subtrees_) {
+    const int task = static_cast<int>(&tree - subtrees_.data());
+    for (int k = tree.first; k <= tree.last; ++k) fronts_[k].task = task;
+    tree.part = subtree_part_size_;
+    subtree_part_size_ += fronts_[tree.last].n - fronts_[tree.last].p;
   }
 }
 
 // An update matrix lives from its front until its parent has taken it. In a postorder that is a stack; with fronts of
 // even and odd depth on a stack each, a front's own matrix never lies upon those of its children, and all places are
-// known beforehand. The root of a subtree outlives its task: it has a place of its own.
+// known beforehand. The root of a subtree outlives its task: it has a place in the shared arena.
 void Symbolic::place_updates() {
   const int count = static_cast<int>(fronts_.size());
   depth_.resize(count);
   for (int i = count - 1; i >= 0; --i) depth_[i] = fronts_[i].parent < 0 ? 0 : depth_[fronts_[i].parent] + 1;
-  task_arena_size_ = 0, shared_arena_size_ = 0;
-  for (int t = 0; t < static_cast<int>(subtrees_.size()); ++t) {
-    const auto [first, last] = subtrees_[t];
-    task_arena_size_ = std::max(task_arena_size_, place_updates(first, last - 1, t, 0));
-    fronts_[last].update_offset = shared_arena_size_;
-    shared_arena_size_ += update_size(fronts_[last]);
+  task_arena_size_ = 0;
+  for (int t = 0; t < static_cast<int>(subtrees_.size()); ++t)
+    task_arena_size_ = std::max(task_arena_size_, place_updates(subtrees_[t].first, subtrees_[t].last - 1, t, 0));
+  if (subtrees_.empty())
+    shared_arena_size_ = place_updates(0, count - 1, -1, 0);
+  else
+    place_shared_updates();
+}
+
+// Of the roots of subtrees, which are there before the top of the tree begins, and of the top: the first gap that is
+// wide enough, where a stack would keep the places of roots that were taken long ago.
+void Symbolic::place_shared_updates() {
+  std::vector<Gap>& gaps = gaps_;  // ascending, none next to another; the top has some ten fronts
+  gaps.clear();
+  shared_arena_size_ = 0;
+  for (const Subtree& tree : subtrees_) {
+    fronts_[tree.last].update_offset = shared_arena_size_;
+    shared_arena_size_ += update_size(fronts_[tree.last]);
   }
-  shared_arena_size_ = place_updates(0, count - 1, -1, shared_arena_size_);
+  auto take = [&](std::int64_t size) {
+    for (Gap& g : gaps)
+      if (g.end - g.begin >= size) return std::exchange(g.begin, g.begin + size);
+    if (!gaps.empty() && gaps.back().end == shared_arena_size_) {  // the last gap, and more
+      const std::int64_t begin = gaps.back().begin;
+      gaps.pop_back();
+      shared_arena_size_ = begin + size;
+      return begin;
+    }
+    return std::exchange(shared_arena_size_, shared_arena_size_ + size);
+  };
+  auto give = [&](Gap gap) {
+    auto next = std::find_if(gaps.begin(), gaps.end(), [&](const Gap& g) { return g.begin >= gap.end; });
+    if (next != gaps.end() && next->begin == gap.end) gap.end = next->end, next = gaps.erase(next);
+    if (next != gaps.begin() && std::prev(next)->end == gap.begin)
+      std::prev(next)->end = gap.end;
+    else
+      gaps.insert(next, gap);
+  };
+  for (int i = 0; i < static_cast<int>(fronts_.size()); ++i) {
+    if (fronts_[i].task >= 0) continue;
+    fronts_[i].update_offset = take(update_size(fronts_[i]));
+    for (const int child : children(i))
+      give({fronts_[child].update_offset, fronts_[child].update_offset + update_size(fronts_[child])});
+  }
 }
 
 // Places the fronts of one task in [first, last] from `base` on; returns the end.

@@ -227,7 +227,7 @@ bool Minimizer::solve_directly() {
   }
   if (out_of_time()) return false;
   Stage stage(*this, summary_.seconds.solve);
-  factorization.solve(e_.rhs_.data(), e_.step_.data());
+  factorization.solve(e_.rhs_.data(), e_.step_.data(), pool_);
   if (!s.landmarks().empty()) e_.schur_.back_substitute(s, e_.system_, e_.damping_.data(), e_.step_.data(), pool_);
   return std::isfinite(largest(e_.step_));
 }

@@ -195,11 +195,11 @@ bool Minimizer::may_have_gauge() {
   std::fill(e_.rhs_.begin(), e_.rhs_.end(), 0.0);
   e_.rhs_[static_cast<std::size_t>(at)] = 1.0;
   std::vector<double> v(static_cast<std::size_t>(s.dim()));
-  e_.structure_.factorization().solve(e_.rhs_.data(), v.data());
+  e_.structure_.factorization().solve(e_.rhs_.data(), v.data(), pool_);
   if (!s.landmarks().empty()) {
     const std::vector<double> gradient = e_.system_.gradient;
     std::fill(e_.system_.gradient.begin(), e_.system_.gradient.end(), 0.0);
-    e_.schur_.back_substitute(s, e_.system_, e_.damping_.data(), v.data(), nullptr);
+    e_.schur_.back_substitute(s, e_.system_, e_.damping_.data(), v.data(), pool_);
     e_.system_.gradient = gradient;
   }
   double damped = 0.0;  // λ vᵀDv
@@ -211,7 +211,7 @@ bool Minimizer::may_have_gauge() {
 // them. H is in `h`, damping all zero at the start.
 std::vector<int> Minimizer::hold_null_scalars(const double* h) {
   Multifrontal& factorization = e_.structure_.factorization();
-  factorization.factor(h, e_.damping_.data(), nullptr);
+  factorization.factor(h, e_.damping_.data(), pool_);
   std::vector<std::pair<int, int>> found;  // place in elimination, place in a step
   for_each_pivot([&](int scalar, int at, double pivot, double diagonal) {
     if (pivot > 0.0 && pivot > kNullPivot * diagonal) return;
@@ -222,7 +222,7 @@ std::vector<int> Minimizer::hold_null_scalars(const double* h) {
   std::vector<int> scalars;
   scalars.reserve(found.size());
   for (const auto& f : found) scalars.push_back(f.second);
-  if (!scalars.empty()) factorization.factor(h, e_.damping_.data(), nullptr);
+  if (!scalars.empty()) factorization.factor(h, e_.damping_.data(), pool_);
   return scalars;
 }
 
@@ -236,7 +236,7 @@ void Minimizer::find_undetermined() {
   e_.step_.swap(e_.system_.gradient);  // put aside: landmarks answer to others alone
   if (!s.landmarks().empty()) {
     e_.reduced_.reserve(factorization.storage_size());
-    e_.schur_.reduce(s, e_.system_, e_.damping_.data(), e_.reduced_.data(), e_.rhs_.data(), nullptr);
+    e_.schur_.reduce(s, e_.system_, e_.damping_.data(), e_.reduced_.data(), e_.rhs_.data(), pool_);
     h = e_.reduced_.data();
   }
   const std::vector<int> null = hold_null_scalars(h);
@@ -260,11 +260,11 @@ void Minimizer::name_undetermined(const double* h, const std::vector<int>& null)
     n[null[k]] = -1.0;
     e_.product_.kept(h, n.data(), rhs.data());
     for (const int i : null) rhs[i] = 0.0;
-    factorization.solve(rhs.data(), n.data());
+    factorization.solve(rhs.data(), n.data(), pool_);
     for (const int i : null) n[i] = i == null[k] ? 1.0 : 0.0;
     for (const LandmarkBlock& l : s.landmarks()) std::fill_n(n.begin() + l.offset, l.dim, 0.0);
     const std::vector<double> free(s.dim(), 0.0);
-    if (!s.landmarks().empty()) e_.schur_.back_substitute(s, e_.system_, free.data(), n.data(), nullptr);
+    if (!s.landmarks().empty()) e_.schur_.back_substitute(s, e_.system_, free.data(), n.data(), pool_);
     (namer.is_common(n) ? summary_.gauge : summary_.undetermined).push_back(namer.name(n));
   }
 }
