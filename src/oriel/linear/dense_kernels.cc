@@ -296,7 +296,7 @@ namespace {
 
 // From this size on [numbers] a panel is solved in two parts, the rows of its pivots and those below.
 constexpr std::int64_t kLargePanel = 20000;
-constexpr int kSolveRows = 64, kSolveColumns = 16;  // a task's share of what is below
+constexpr int kSolveRows = 192, kSolveColumns = 16;  // a task's share of what is below
 
 // Row of the first vector that holds no pivot's row.
 int first_below(int n, int p) {
@@ -304,18 +304,15 @@ int first_below(int n, int p) {
   return large ? std::min(n, (p + kCols - 1) / kCols * kCols) : n;
 }
 
-// v -= L y for V vectors of rows, and columns [0, p).
-template <int V>
-void subtract_rows(const double* l, std::int64_t ld, int p, const double* y, double* v) {
-  Vec x[V];
+// v -= L y for n rows and W columns.
+template <int W>
+void subtract_rows(const double* l, std::int64_t ld, int n, const double* y, double* v) {
+  for (int r = 0; r < n; r += kLanes) {
+    Vec x = load(v + r);
 #pragma GCC unroll 8
-  for (int k = 0; k < V; ++k) x[k] = load(v + k * kLanes);
-  for (int c = 0; c < p; ++c, l += ld) {
-#pragma GCC unroll 8
-    for (int k = 0; k < V; ++k) x[k] -= load(l + k * kLanes) * y[c];
+    for (int c = 0; c < W; ++c) x -= load(l + r + c * ld) * y[c];
+    store(v + r, x);
   }
-#pragma GCC unroll 8
-  for (int k = 0; k < V; ++k) store(v + k * kLanes, x[k]);
 }
 
 // v1 -= Lᵀ v for W columns, v1 from column 0 on, and rows [0, n).
@@ -337,10 +334,10 @@ void solve_panel_lower(const double* panel, std::int64_t ld, int n, int p, const
   const int below = first_below(n, p);
   for (int j = 0; j < p; j += kCols) by_width<Lower>(std::min(kCols, p - j))(panel, ld, below, j, inverse_diagonal, v);
   parallel_for(pool, (n - below + kSolveRows - 1) / kSolveRows, [&](int task, int) {
-    int r = below + task * kSolveRows;
-    const int end = std::min(r + kSolveRows, n);
-    for (; end - r > 7 * kLanes; r += 8 * kLanes) subtract_rows<8>(panel + r, ld, p, v, v + r);
-    for (; r < end; r += kLanes) subtract_rows<1>(panel + r, ld, p, v, v + r);
+    const int r = below + task * kSolveRows, rows = std::min(kSolveRows, n - r);
+    int j = 0;
+    for (; p - j >= 8; j += 8) subtract_rows<8>(panel + r + j * ld, ld, rows, v + j, v + r);
+    for (; j < p; ++j) subtract_rows<1>(panel + r + j * ld, ld, rows, v + j, v + r);
   });
 }
 
