@@ -271,7 +271,9 @@ bool Minimizer::accept(double trial_cost, double gain) {
   if (options_.method == Method::dogleg) e_.dogleg_.accepted(decrease);
   nu_ = 2.0;
   if (!report(true)) return true;
-  if (!sides_changed && !is_cut() && decrease <= options_.function_tolerance * cost_)
+  const bool small = !sides_changed && decrease <= options_.function_tolerance * cost_;
+  small_in_a_row_ = small ? small_in_a_row_ + 1 : 0;
+  if (small && (!is_cut() || small_in_a_row_ >= kSmallInARow))
     stop(Reason::function_tolerance, decrease, options_.function_tolerance * cost_);
   return true;
 }

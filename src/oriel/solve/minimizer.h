@@ -26,7 +26,8 @@ class Minimizer {
   void reject();
   bool converged_by_cost(double decrease);
   bool step_is_tiny();
-  // Steps that a trust region cuts short say nothing of how near the minimum is, unless the whole one would gain nothing.
+  // Steps that a trust region cuts short say nothing of how near the minimum is, unless the whole one would gain
+  // nothing.
   bool is_cut() const {
     return options_.method == Method::dogleg && e_.dogleg_.is_cut() &&
            !(e_.dogleg_.largest_gain() <= options_.function_tolerance * cost_);
@@ -67,8 +68,11 @@ class Minimizer {
   std::int64_t fallbacks_before_ = 0;  // the linearizer counts on over all solves
   double cost_ = 0.0, lambda_ = 0.0, nu_ = 2.0;
   double factored_lambda_ = 0.0;  // of the last factorization
-  bool begun_ = false;            // the dogleg of this linearization
-  bool evaluated_ = false;        // whether the start has a cost
+  // Where hardly anything determines some direction, the whole step promises what no region ever keeps (BAL 49).
+  static constexpr int kSmallInARow = 5;
+  int small_in_a_row_ = 0;  // accepted steps that gained next to nothing
+  bool begun_ = false;      // the dogleg of this linearization
+  bool evaluated_ = false;  // whether the start has a cost
   bool stopped_ = false, suspicious_ = false;
   bool solved_ = false;  // the last linear system had a solution
 };
