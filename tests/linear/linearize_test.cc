@@ -240,9 +240,9 @@ TEST(Linearizer, GivesTheSameBitsForAnyThreadsWhereTablesAreSliced) {  // L10
   const auto k6 = p.variables<VectorNd<6>>(100);
   const auto k4 = p.variables<VectorNd<4>>(40);
   const auto l3 = p.variables<Markd<3>>(150);
-  for (int i = 0; i < 3100; ++i) p.factor<2>(i % 3 == 0 ? Huber(0.8) : Loss::none(), p.any(k6), p.any(l3));
-  for (std::size_t i = 0; i < 1900; ++i) p.factor<6>(k6[i % 99], k6[i % 99 + 1]);
-  for (std::size_t i = 0; i < 1300; ++i) p.factor<4>(p.any(k6), k4[i % 40]);
+  for (int i = 0; i < 9500; ++i) p.factor<3>(i % 3 == 0 ? Huber(0.8) : Loss::none(), p.any(k6), p.any(l3));
+  for (std::size_t i = 0; i < 3600; ++i) p.factor<6>(k6[i % 99], k6[i % 99 + 1]);
+  for (std::size_t i = 0; i < 6500; ++i) p.factor<4>(p.any(k6), k4[i % 40]);
   p.prior({k6[0], k4[0]}, {6, 4}, 10);
   ASSERT_TRUE(p.apply());
   System one(p.graph);

@@ -60,12 +60,12 @@ std::unique_ptr<RandomProblem> problem(unsigned seed) {
 // loops, or each landmark seen from some.
 std::unique_ptr<RandomProblem> large_problem(bool landmarks) {
   auto p = std::make_unique<RandomProblem>(6);
-  const auto x = p->variables<VectorNd<6>>(landmarks ? 110 : 500);
+  const auto x = p->variables<VectorNd<6>>(landmarks ? 110 : 1800);
   for (std::size_t i = 0; i + 1 < x.size(); ++i) p->factor<6>(x[i], x[i + 1]);
   for (std::size_t i = 0; i + 20 < x.size(); ++i) p->factor<6>(Huber(1.0), x[i], x[i + 20]);
   for (const auto id : x) p->factor<6>(id);
   const auto m = p->variables<Markd<3>>(landmarks ? 600 : 1);
-  for (int i = 0; i < (landmarks ? 4200 : 3); ++i) p->factor<2>(Huber(0.9), p->any(x), p->any(m));
+  for (int i = 0; i < (landmarks ? 9600 : 3); ++i) p->factor<3>(Huber(0.9), p->any(x), p->any(m));
   for (const auto id : m) p->factor<3>(id);
   EXPECT_TRUE(p->apply());
   return p;
