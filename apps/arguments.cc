@@ -51,4 +51,10 @@ CLI::Validator one_of(std::vector<std::string> words) {
   });
 }
 
+void add_start_option(CLI::App& command, std::string& choice) {
+  command.add_option("--init", choice, "Start of the poses; auto: the one of lower cost")
+      ->check(one_of({"file", "odometry", "tree", "chordal", "auto"}))
+      ->capture_default_str();
+}
+
 }  // namespace oriel::apps

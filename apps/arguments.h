@@ -10,4 +10,7 @@ CLI::Validator whole_number(long long least, long long most);
 CLI::Validator number(double least, double most);
 CLI::Validator one_of(std::vector<std::string> words);
 
+// --init, of all commands that start pose graphs; start_choice() knows its words.
+void add_start_option(CLI::App& command, std::string& choice);
+
 }  // namespace oriel::apps

@@ -68,10 +68,7 @@ Verdict verdict_of(const Graph& graph, const Ids& ids, const Result<Edges>& edge
 
 Result<BatchProblem> load(const std::string& file, const CompareArguments& a) {
   ProblemOptions options;
-  if (a.init == "file") options.start = StartChoice::file;
-  if (a.init == "odometry") options.start = StartChoice::odometry;
-  if (a.init == "tree") options.start = StartChoice::spanning_tree;
-  if (a.init == "chordal") options.start = StartChoice::chordal;
+  options.start = start_choice(a.init);
   return load_problem(file, options);
 }
 
@@ -171,9 +168,7 @@ void add_compare_command(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand(
       "compare", "Every engine on the same problem from the same start, and a bound for pose graphs");
   command->add_option("FILE", a->files, "Problem files, as for solve")->required();
-  command->add_option("--init", a->init, "Start of the poses; auto: the one of lower cost")
-      ->check(one_of({"file", "odometry", "tree", "chordal", "auto"}))
-      ->capture_default_str();
+  add_start_option(*command, a->init);
   command->add_option("--iterations", a->iterations, "Most steps, rejected ones counted")
       ->check(whole_number(0, 1'000'000))
       ->capture_default_str();

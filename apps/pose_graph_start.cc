@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "oriel/io/information.h"
 #include "oriel/io/landmarks.h"
@@ -75,6 +76,16 @@ Result<PoseGraphStart> choose_start(const PoseGraphFile& file, const PoseGraphOp
 const char* name_of(PoseStart start) {
   constexpr const char* kNames[] = {"file", "odometry", "tree", "chordal"};
   return kNames[static_cast<int>(start)];
+}
+
+StartChoice start_choice(const std::string& word) {
+  constexpr std::pair<StartChoice, PoseStart> kChoices[] = {{StartChoice::file, PoseStart::file},
+                                                            {StartChoice::odometry, PoseStart::odometry},
+                                                            {StartChoice::spanning_tree, PoseStart::spanning_tree},
+                                                            {StartChoice::chordal, PoseStart::chordal}};
+  for (const auto& [choice, start] : kChoices)
+    if (word == name_of(start)) return choice;
+  return StartChoice::automatic;
 }
 
 }  // namespace oriel::apps

@@ -1,5 +1,6 @@
 // Which start a pose graph is solved from.
 #pragma once
+#include <string>
 #include <vector>
 
 #include "oriel/io/problem.h"
@@ -23,5 +24,8 @@ Result<PoseGraphStart> find_start(const PoseGraphFile& file, const PoseGraphOpti
 Result<PoseGraphStart> choose_start(const PoseGraphFile& file, const PoseGraphOptions& options, StartChoice choice);
 
 const char* name_of(PoseStart start);
+
+// Of a word of --init (arguments.h): auto, or the name of a start.
+StartChoice start_choice(const std::string& word);
 
 }  // namespace oriel::apps

@@ -29,10 +29,7 @@ struct SolveArguments {
 ProblemOptions problem_options(const SolveArguments& a) {
   ProblemOptions options;
   if (a.rotation_error == "log") options.rotation_error = RotationError::log;
-  if (a.init == "file") options.start = StartChoice::file;
-  if (a.init == "odometry") options.start = StartChoice::odometry;
-  if (a.init == "tree") options.start = StartChoice::spanning_tree;
-  if (a.init == "chordal") options.start = StartChoice::chordal;
+  options.start = start_choice(a.init);
   // Odometry is seldom wrong, and a graph without it falls to pieces: graduated, it is trusted.
   if (a.loss_on == "loops") options.loss_on = LossOn::loops;
   if (a.loss_on.empty() && a.graduated) options.loss_on = LossOn::loops_if_any;
@@ -161,9 +158,7 @@ void add_solve_command(CLI::App& app, int& exit_code) {
       ->add_option("--loss-on", a->loss_on,
                    "Edges that have the loss; loops: of ids that are not neighbours. Default: all, with --gnc loops")
       ->check(one_of({"all", "loops"}));
-  command->add_option("--init", a->init, "Start of the poses; auto: the one of lower cost")
-      ->check(one_of({"file", "odometry", "tree", "chordal", "auto"}))
-      ->capture_default_str();
+  add_start_option(*command, a->init);
   command->add_option("--iterations", a->iterations, "Most steps, rejected ones counted")
       ->check(whole_number(0, 1'000'000))
       ->capture_default_str();

@@ -4,7 +4,6 @@
 // region does not depend on the units of the variables. A rejected step costs neither a linearization nor a
 // factorization.
 #pragma once
-#include <cmath>
 #include <vector>
 
 namespace oriel {
@@ -24,8 +23,6 @@ class Dogleg {
   double gain() const { return gain_; }  // what the linear model promises for it
   // Whether the radius cut it short: there is more to gain than it says.
   bool is_cut() const { return !has_p_ || length_ * length_ < pp_ * (1.0 - 1e-9); }
-  // What the linear model promises for the Gauss–Newton step, as far as it may be: no step from here gains more.
-  double largest_gain() const { return has_p_ ? -gp_ - 0.5 * php_ : HUGE_VAL; }
   double radius() const { return radius_; }
 
   void accepted(double decrease);  // of the cost

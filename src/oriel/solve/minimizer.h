@@ -26,12 +26,8 @@ class Minimizer {
   void reject();
   bool converged_by_cost(double decrease);
   bool step_is_tiny();
-  // Steps that a trust region cuts short say nothing of how near the minimum is, unless the whole one would gain
-  // nothing.
-  bool is_cut() const {
-    return options_.method == Method::dogleg && e_.dogleg_.is_cut() &&
-           !(e_.dogleg_.largest_gain() <= options_.function_tolerance * cost_);
-  }
+  // Steps that a trust region cuts short say nothing of how near the minimum is, but for several in a row.
+  bool is_cut() const { return options_.method == Method::dogleg && e_.dogleg_.is_cut(); }
   bool out_of_time();
   bool report(bool accepted);
   void stop(Reason reason, double value, double bound);
