@@ -133,9 +133,9 @@ struct Elimination {
 };
 
 // Rows and priors split into what they say of the leaving ones given the others, and what they say of the others: the
-// leaving columns first; what is below their rows after reflections.
+// leaving columns first; what is below their rows after reflections. Pivots up to `least` are rounding; 0: by the rank.
 inline Elimination eliminate(const std::set<Unknown>& leaving, const std::vector<ModelRow>& rows,
-                             const std::vector<ModelPrior>& priors) {
+                             const std::vector<ModelPrior>& priors, double least = 0.0) {
   std::map<Unknown, int> at;
   int n = 0;
   Elimination out;
@@ -160,7 +160,7 @@ inline Elimination eliminate(const std::set<Unknown>& leaving, const std::vector
   if (gone > 0) {
     const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A.leftCols(gone));
     right.applyOnTheLeft(qr.householderQ().transpose());
-    rank = qr.rank();
+    rank = least > 0.0 ? (qr.matrixR().diagonal().array().abs() > least).count() : qr.rank();
     out.known.R.resize(rank, n);
     out.known.R << Eigen::MatrixXd(qr.matrixR().topRows(rank).triangularView<Eigen::Upper>()) *
                        qr.colsPermutation().transpose(),
@@ -179,8 +179,8 @@ inline Elimination eliminate(const std::set<Unknown>& leaving, const std::vector
   return out;
 }
 inline ModelPrior eliminated(const std::set<Unknown>& leaving, const std::vector<ModelRow>& rows,
-                             const std::vector<ModelPrior>& priors) {
-  return eliminate(leaving, rows, priors).rest;
+                             const std::vector<ModelPrior>& priors, double least = 0.0) {
+  return eliminate(leaving, rows, priors, least).rest;
 }
 
 // What leaves together and shares no unknown makes priors apart (M11). Later that matters: of priors that know a

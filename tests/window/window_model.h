@@ -89,10 +89,11 @@ class WindowModel {
     ledger.disown(u);
     for (std::size_t k = priors_.size(); k-- > 0;) {
       if (!priors_[k].names(u)) continue;
-      Prior whole = std::move(priors_[k]);
-      forget_rounding(whole, u);
+      const Prior whole = std::move(priors_[k]);
       priors_.erase(priors_.begin() + static_cast<std::ptrdiff_t>(k));
-      keep(algebra::eliminated({u}, {}, {whole}), {}, {whole});
+      // Between what is_faint takes for rounding and what it takes for knowledge.
+      const double least = std::sqrt(kRounding * kFaint) * whole.R.cwiseAbs().maxCoeff();
+      keep(algebra::eliminated({u}, {}, {whole}, least), {}, {whole});
     }
   }
   void remove_state(int chain, Time time) {
@@ -269,11 +270,6 @@ class WindowModel {
 
  private:
   static constexpr double kRounding = 1e-15, kFaint = 1e-7;  // beside the largest number of a prior
-  static void forget_rounding(Prior& p, const Unknown& u) {
-    const double least = kRounding * p.R.cwiseAbs().maxCoeff();
-    auto columns = p.columns(u);
-    columns = (columns.array().abs() > least).select(columns, 0.0).eval();
-  }
   // Without the columns in which there is nothing but rounding, beside what it was made of.
   void keep(Prior prior, const std::vector<Row>& rows, const std::vector<Prior>& priors) {
     double scale = 0.0;
