@@ -1,6 +1,5 @@
 #include "oriel/run/replica.h"
 
-#include <dirent.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -9,19 +8,10 @@
 #include <exception>
 
 #include "oriel/graph/fingerprint.h"
+#include "oriel/run/thread_count.h"
 
 namespace oriel {
 namespace {
-
-// Threads of this process; 1 where the system does not tell.
-int thread_count() {
-  DIR* tasks = ::opendir("/proc/self/task");
-  if (tasks == nullptr) return 1;
-  int n = 0;
-  while (const dirent* entry = ::readdir(tasks)) n += entry->d_name[0] != '.';
-  ::closedir(tasks);
-  return n;
-}
 
 // A graph that follows, the engine that solves it, and the answers.
 class ReplicaServer {

@@ -1,0 +1,156 @@
+#include "oriel/run/executor.h"
+
+#include <ostream>
+
+#include "oriel/run/runners.h"
+
+namespace oriel {
+
+namespace {
+constexpr std::array<std::pair<std::string_view, ExecutorKind>, 3> kKinds{
+    {{"inline", ExecutorKind::in_place}, {"thread", ExecutorKind::thread}, {"process", ExecutorKind::process}}};
+}  // namespace
+
+Result<ExecutorKind> executor_kind(std::string_view word) {
+  for (const auto& [name, kind] : kKinds)
+    if (name == word) return kind;
+  return Error{ErrorCode::not_found,
+               "expected an executor inline, thread or process, found '" + std::string(word) + "'"};
+}
+const char* name_of(ExecutorKind kind) {
+  for (const auto& [name, k] : kKinds)
+    if (k == kind) return name.data();
+  return "";
+}
+
+const char* name_of(JobStatus status) {
+  switch (status) {
+    case JobStatus::none:
+      return "none";
+    case JobStatus::accepted:
+      return "accepted";
+    case JobStatus::waiting:
+      return "waiting";
+    case JobStatus::busy:
+      return "busy";
+    case JobStatus::done:
+      return "done";
+    case JobStatus::failed:
+      return "failed";
+    case JobStatus::died:
+      return "died";
+    case JobStatus::timed_out:
+      return "timed out";
+    case JobStatus::terminated:
+      return "terminated";
+  }
+  return "";
+}
+
+std::ostream& operator<<(std::ostream& out, const JobReport& report) {
+  out << "job " << report.job << ": " << name_of(report.status);
+  if (!report.message.empty()) out << ": " << report.message;
+  if (report.restarted) out << " (worker started anew" << (report.context_anew ? ", context made anew)" : ")");
+  return out;
+}
+
+namespace task_detail {
+
+Error error_of_exception(const char* what) {
+  const std::string name = what;
+  try {
+    throw;
+  } catch (const std::bad_alloc&) {
+    return {ErrorCode::io, name + ": out of memory"};
+  } catch (const std::exception& e) {
+    return {ErrorCode::bad_input, name + ": " + e.what()};
+  } catch (...) {
+    return {ErrorCode::bad_input, name + ": threw something that is no std::exception"};
+  }
+}
+
+}  // namespace task_detail
+
+namespace run_detail {
+
+ExecutorCore::ExecutorCore(ExecutorKind kind, const TaskOps& task, bool coalesce, Owned<JobRunner> runner)
+    : kind_(kind), task_(&task), coalesce_(coalesce), runner_(std::move(runner)) {}
+ExecutorCore::ExecutorCore(ExecutorCore&&) noexcept = default;
+ExecutorCore& ExecutorCore::operator=(ExecutorCore&&) noexcept = default;
+ExecutorCore::~ExecutorCore() = default;
+
+Result<ExecutorCore> ExecutorCore::start(ExecutorKind kind, const TaskOps& task, Bytes config,
+                                         const ExecutorOptions& options) {
+  if (kind == ExecutorKind::process && options.zygote == nullptr)
+    return Error{ErrorCode::bad_input, "executor process: expected a zygote in its options"};
+  if (options.checkpoint_every < 1 || options.retries < 0 || options.time_limit.ns < 0)
+    return Error{ErrorCode::bad_input, "executor: expected checkpoint_every >= 1, retries >= 0 and time_limit >= 0"};
+  Owned<JobRunner> runner(kind == ExecutorKind::in_place ? make_in_place_runner(task, std::move(config))
+                          : kind == ExecutorKind::thread ? make_thread_runner(task, std::move(config), options)
+                                                         : make_process_runner(task, std::move(config), options));
+  if (auto ok = runner->begin(); !ok) return ok.error();
+  return ExecutorCore(kind, task, options.coalesce, std::move(runner));
+}
+
+JobReport ExecutorCore::submit() {
+  if (terminated_) return {0, JobStatus::terminated, "the executor was terminated"};
+  if (state_ == State::idle) return begin(++last_, input_);
+  if (!coalesce_)
+    return {0, JobStatus::busy, "job " + std::to_string(report_.job) + " is in flight: write it back first"};
+  if (waiting_ == 0) {
+    waiting_input_.swap(input_);
+  } else if (auto ok = task_->merge(waiting_input_, input_); !ok) {
+    return {waiting_, JobStatus::failed, ok.error().text()};
+  }
+  waiting_ = ++last_;
+  return {waiting_, JobStatus::waiting};
+}
+
+JobReport ExecutorCore::begin(JobId job, Bytes& input) {
+  report_ = {job, JobStatus::accepted};
+  const JobReport started = runner_->start(job, input);
+  state_ = started.status == JobStatus::accepted ? State::running : State::idle;
+  return started;
+}
+
+bool ExecutorCore::is_running() { return state_ == State::running && runner_->is_running(); }
+
+const JobReport* ExecutorCore::report() {
+  if (state_ == State::idle || is_running()) return nullptr;
+  return wait();
+}
+
+const JobReport* ExecutorCore::wait() {
+  if (state_ == State::idle) return nullptr;
+  if (state_ == State::running) {
+    report_ = runner_->finish(output_);
+    state_ = State::finished;
+  }
+  return &report_;
+}
+
+void ExecutorCore::forget() {
+  state_ = State::idle;
+  if (waiting_ == 0) return;
+  const JobId job = waiting_;
+  waiting_ = 0;
+  if (terminated_) return;
+  const JobReport started = begin(job, waiting_input_);
+  if (started.status == JobStatus::accepted) return;
+  report_ = started;  // told by the next write_back
+  state_ = State::finished;
+}
+
+void ExecutorCore::terminate() {
+  if (terminated_) return;
+  terminated_ = true;
+  if (state_ == State::running && !runner_->is_running()) wait();  // it had arrived
+  const bool cut = state_ == State::running;
+  runner_->terminate();
+  if (!cut) return;
+  report_ = {report_.job, JobStatus::terminated, "the executor was terminated while the job ran"};
+  state_ = State::finished;
+}
+
+}  // namespace run_detail
+}  // namespace oriel

@@ -1,0 +1,212 @@
+#include "oriel/run/packet_socket.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <utility>
+
+namespace oriel {
+namespace {
+
+constexpr std::size_t kMostInline = 32768;  // [bytes] of parts that go through the socket
+constexpr std::uint32_t kPassesDescriptor = 1u << 31;
+constexpr int kSeals = F_SEAL_SEAL | F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE;
+
+Error refused(const char* what) { return {ErrorCode::io, std::string(what) + ": " + std::strerror(errno)}; }
+Error gone() { return {ErrorCode::not_found, "the other side of a socket has gone"}; }
+Error damaged(const char* what) { return {ErrorCode::bad_input, std::string("a packet: ") + what}; }
+
+constexpr std::size_t padded(std::size_t size) { return (size + 15) / 16 * 16; }
+
+bool write_all(int fd, std::span<const std::byte> bytes, std::size_t at) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::pwrite(fd, bytes.data(), bytes.size(), static_cast<off_t>(at));
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    bytes = bytes.subspan(static_cast<std::size_t>(n));
+    at += static_cast<std::size_t>(n);
+  }
+  return true;
+}
+
+// The parts one after the other, each at a multiple of 16, for nobody to change any more.
+Result<OwnedFd> sealed_memory(const std::array<std::span<const std::byte>, 3>& parts, std::size_t size) {
+  OwnedFd fd(::memfd_create("oriel", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (!fd) return refused("memfd_create");
+  if (::ftruncate(fd.get(), static_cast<off_t>(size)) != 0) return refused("ftruncate");
+  std::size_t at = 0;
+  for (const auto& part : parts) {
+    if (!write_all(fd.get(), part, at)) return refused("pwrite");
+    at += padded(part.size());
+  }
+  if (::fcntl(fd.get(), F_ADD_SEALS, kSeals) != 0) return refused("fcntl(F_ADD_SEALS)");
+  return fd;
+}
+
+class Deadline {
+ public:
+  explicit Deadline(Duration limit) : limited_(limit.ns > 0), end_(now() + limit.ns) {}
+  // For poll: milliseconds rounded up, -1 for ever.
+  int left_ms() const {
+    if (!limited_) return -1;
+    const std::int64_t left = end_ - now();
+    return left <= 0 ? 0 : static_cast<int>(std::min<std::int64_t>((left + 999999) / 1000000, 1 << 30));
+  }
+
+ private:
+  static std::int64_t now() { return std::chrono::steady_clock::now().time_since_epoch().count(); }
+  bool limited_;
+  std::int64_t end_;
+};
+
+}  // namespace
+
+void OwnedFd::reset(int fd) {
+  if (fd_ >= 0) ::close(fd_);
+  fd_ = fd;
+}
+
+void Packet::unmap() {
+  if (mapping_ != nullptr) ::munmap(mapping_, mapped_);
+  mapping_ = nullptr;
+}
+
+Result<std::pair<PacketSocket, PacketSocket>> PacketSocket::make_pair() {
+  std::array<int, 2> ends{};
+  if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) return refused("socketpair");
+  return std::pair(PacketSocket(OwnedFd(ends[0])), PacketSocket(OwnedFd(ends[1])));
+}
+
+Result<void> PacketSocket::send(PacketHead head, std::array<std::span<const std::byte>, 3> parts, int passed) {
+  if (!fd_) return gone();
+  std::size_t size = 0;
+  for (std::size_t i = 0; i < 3; ++i) head.sizes[i] = parts[i].size(), size += padded(parts[i].size());
+  OwnedFd memory;
+  if (size > kMostInline) {
+    auto made = sealed_memory(parts, size);
+    if (!made) return made.error();
+    memory = std::move(*made);
+    head.in_memory = 1;
+  }
+  if (passed >= 0) head.flags |= kPassesDescriptor;
+
+  static constexpr std::array<std::byte, 16> kPadding{};
+  std::array<iovec, 7> pieces{};
+  std::size_t n = 0;
+  pieces[n++] = {&head, sizeof(head)};
+  for (std::size_t i = 0; i < 3 && head.in_memory == 0; ++i) {
+    pieces[n++] = {const_cast<std::byte*>(parts[i].data()), parts[i].size()};
+    pieces[n++] = {const_cast<std::byte*>(kPadding.data()), padded(parts[i].size()) - parts[i].size()};
+  }
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(2 * sizeof(int))> control{};
+  msghdr message{};
+  message.msg_iov = pieces.data();
+  message.msg_iovlen = n;
+  std::array<int, 2> fds{};
+  std::size_t fd_count = 0;
+  if (memory) fds[fd_count++] = memory.get();
+  if (passed >= 0) fds[fd_count++] = passed;
+  if (fd_count > 0) {
+    message.msg_control = control.data();
+    message.msg_controllen = CMSG_SPACE(fd_count * sizeof(int));
+    cmsghdr* c = CMSG_FIRSTHDR(&message);
+    c->cmsg_level = SOL_SOCKET;
+    c->cmsg_type = SCM_RIGHTS;
+    c->cmsg_len = CMSG_LEN(fd_count * sizeof(int));
+    std::memcpy(CMSG_DATA(c), fds.data(), fd_count * sizeof(int));
+  }
+  for (;;) {
+    if (::sendmsg(fd_.get(), &message, MSG_NOSIGNAL) >= 0) return {};
+    if (errno == EINTR) continue;
+    if (errno == EPIPE || errno == ECONNRESET) return gone();
+    return refused("sendmsg");
+  }
+}
+
+bool PacketSocket::has_news() const {
+  pollfd p{fd_.get(), POLLIN, 0};
+  return !fd_ || ::poll(&p, 1, 0) != 0;
+}
+
+Result<PacketSocket::Got> PacketSocket::receive(Packet& out, Duration limit) {
+  out.unmap();
+  out.passed.reset();
+  out.parts = {};
+  if (!fd_) return Got::gone;
+  const Deadline deadline(limit);
+  out.inline_.resize(sizeof(PacketHead) + kMostInline);
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(2 * sizeof(int))> control{};
+  msghdr message{};
+  iovec piece{out.inline_.data(), out.inline_.size()};
+  ssize_t n = 0;
+  for (bool again = true; again;) {
+    pollfd p{fd_.get(), POLLIN, 0};
+    const int ready = ::poll(&p, 1, deadline.left_ms());
+    if (ready == 0) return Got::timeout;
+    if (ready < 0 && errno != EINTR) return refused("poll");
+    if (ready < 0) continue;
+    message = {};
+    message.msg_iov = &piece;
+    message.msg_iovlen = 1;
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    n = ::recvmsg(fd_.get(), &message, MSG_CMSG_CLOEXEC | MSG_DONTWAIT);
+    // Where the other side went without reading what it was sent, that is said once, before what it had sent itself.
+    again = n < 0 && (errno == EINTR || errno == EAGAIN || errno == ECONNRESET);
+  }
+  if (n == 0) return Got::gone;
+  if (n < 0) return refused("recvmsg");
+
+  std::array<OwnedFd, 2> fds;
+  std::size_t fd_count = 0;
+  for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr; c = CMSG_NXTHDR(&message, c)) {
+    if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_RIGHTS) continue;
+    const std::size_t count = (c->cmsg_len - CMSG_LEN(0)) / sizeof(int);
+    for (std::size_t i = 0; i < count && fd_count < fds.size(); ++i) {
+      int fd = -1;
+      std::memcpy(&fd, CMSG_DATA(c) + i * sizeof(int), sizeof(int));
+      fds[fd_count++].reset(fd);
+    }
+  }
+  const auto got = static_cast<std::size_t>(n);
+  if (got < sizeof(PacketHead)) return damaged("cut short");
+  std::memcpy(&out.head, out.inline_.data(), sizeof(PacketHead));
+  const PacketHead& head = out.head;
+  if (head.magic != PacketHead::kMagic || head.version != PacketHead::kVersion) return damaged("of another version");
+  std::size_t size = 0;
+  for (const std::uint64_t s : head.sizes) {
+    if (s > (std::uint64_t{1} << 46)) return damaged("a size that cannot be");
+    size += padded(s);
+  }
+  const std::size_t expected_fds = (head.in_memory != 0 ? 1 : 0) + ((head.flags & kPassesDescriptor) != 0 ? 1 : 0);
+  if (fd_count != expected_fds) return damaged("a descriptor is missing");
+  const std::byte* begin = out.inline_.data() + sizeof(PacketHead);
+  if (head.in_memory != 0) {
+    struct stat s {};
+    if (::fstat(fds[0].get(), &s) != 0 || static_cast<std::uint64_t>(s.st_size) != size || size == 0)
+      return damaged("memory of another size");
+    if ((::fcntl(fds[0].get(), F_GET_SEALS) & kSeals) != kSeals) return damaged("memory that is not sealed");
+    void* at = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE | MAP_POPULATE, fds[0].get(), 0);
+    if (at == MAP_FAILED) return refused("mmap");
+    out.mapping_ = at;
+    out.mapped_ = size;
+    begin = static_cast<const std::byte*>(at);
+  } else if (got != sizeof(PacketHead) + size) {
+    return damaged("of another size than it says");
+  }
+  for (std::size_t i = 0; i < 3; ++i) {
+    out.parts[i] = {begin, head.sizes[i]};
+    begin += padded(head.sizes[i]);
+  }
+  if ((head.flags & kPassesDescriptor) != 0) out.passed = std::move(fds[fd_count - 1]);
+  return Got::packet;
+}
+
+}  // namespace oriel

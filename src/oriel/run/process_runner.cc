@@ -1,0 +1,168 @@
+// Jobs in a child process (executor.h, zygote.h). What a new worker has to be told when one has died is kept here: the
+// config, the last context that travelled, and the inputs of the jobs done since.
+#include <chrono>
+#include <utility>
+
+#include "oriel/run/runners.h"
+
+namespace oriel::run_detail {
+namespace {
+
+class ProcessRunner final : public JobRunner {
+ public:
+  ProcessRunner(const TaskOps& task, Bytes config, const ExecutorOptions& options)
+      : task_(task), config_(std::move(config)), options_(options) {}
+  ~ProcessRunner() override { terminate(); }
+
+  Result<void> begin() override {
+    restarts_ = -1;
+    return start_worker();
+  }
+  JobReport start(JobId job, Bytes& input) override {
+    job_ = job;
+    input_.swap(input);
+    retries_ = options_.retries;
+    restarted_ = anew_ = false;
+    if (alive_ && socket_.has_news()) end_worker();  // nothing was asked of it: it can only have gone
+    if (auto ok = send_job(); !ok) return report(JobStatus::died, ok.error().text());
+    return {job, JobStatus::accepted};
+  }
+  // One that has gone or is late is no reason to wait.
+  bool is_running() override { return !socket_.has_news() && left().ns > 0; }
+  JobReport finish(Bytes& output) override {
+    for (;;) {
+      const JobReport r = await(output);
+      if (r.status != JobStatus::died || retries_-- <= 0) return r;
+      if (auto ok = send_job(); !ok) return report(JobStatus::died, ok.error().text());
+    }
+  }
+  void terminate() override { end_worker(); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  // For ever where there is no limit.
+  Duration left() const {
+    if (options_.time_limit.ns <= 0) return {INT64_MAX};
+    const std::int64_t so_far = std::chrono::nanoseconds(Clock::now() - began_).count();
+    return {options_.time_limit.ns - so_far};
+  }
+  JobReport report(JobStatus status, std::string message = {}) const {
+    return {job_, status, std::move(message), restarted_, anew_};
+  }
+  PacketHead head(WorkerPacket kind, std::int64_t value = 0) const {
+    PacketHead h;
+    h.kind = static_cast<std::uint16_t>(kind);
+    h.job = job_;
+    h.value = value;
+    return h;
+  }
+
+  // A worker with the context of the last job that was done.
+  Result<void> start_worker() {
+    auto worker = options_.zygote->spawn(task_, options_.limits);
+    if (!worker) return worker.error();
+    socket_ = std::move(worker->socket);
+    pid_ = worker->pid;
+    alive_ = true;
+    if (++restarts_ > 0) {
+      restarted_ = true;
+      anew_ = anew_ || (jobs_done_ > 0 && !task_.context_travels);
+    }
+    if (auto ok = told({head(WorkerPacket::begin)}, {config_, checkpoint_, {}}); !ok) return ok;
+    for (const Bytes& input : since_)
+      if (auto ok = told({head(WorkerPacket::job)}, {input, {}, {}}, true); !ok) return ok;
+    return {};
+  }
+  // Sends something and waits for the answer, which need not be good where it was not the first time either.
+  Result<void> told(const PacketHead& h, std::array<std::span<const std::byte>, 3> parts, bool may_fail = false) {
+    const auto sent = socket_.send(h, parts);
+    const auto got =
+        sent ? socket_.receive(packet_, options_.time_limit) : Result<PacketSocket::Got>(PacketSocket::Got::gone);
+    if (!got || *got != PacketSocket::Got::packet)
+      return Error{ErrorCode::io, std::string("a worker of task '") + task_.name + "' " + end_worker()};
+    if (packet_.head.value == 0 || may_fail) return {};
+    Error e{ErrorCode::bad_input, text_of_answer()};
+    end_worker();
+    return e;
+  }
+  Result<void> send_job() {
+    began_ = Clock::now();
+    if (!alive_)
+      if (auto ok = start_worker(); !ok) return ok;
+    const bool travels = task_.context_travels && static_cast<int>(since_.size()) + 1 >= options_.checkpoint_every;
+    // Where the worker has gone meanwhile, finish sees it.
+    const auto sent = socket_.send(head(WorkerPacket::job, travels ? 1 : 0), {input_, {}, {}});
+    if (!sent && sent.error().code != ErrorCode::not_found) {
+      end_worker();
+      return sent;
+    }
+    return {};
+  }
+  JobReport await(Bytes& output) {
+    for (;;) {
+      const Duration rest = left();
+      const auto got = rest.ns > 0 ? socket_.receive(packet_, rest.ns == INT64_MAX ? Duration{} : rest) : late_answer();
+      if (got && *got == PacketSocket::Got::packet) {
+        if (packet_.head.job != job_) continue;  // of one that was given up
+        return arrived(output);
+      }
+      if (got && *got == PacketSocket::Got::timeout) {
+        end_worker();
+        return report(JobStatus::timed_out,
+                      "not done after " + std::to_string(options_.time_limit.seconds()) + " s; its process was ended");
+      }
+      return report(JobStatus::died, std::string("a worker of task '") + task_.name + "' " + end_worker());
+    }
+  }
+  // What arrived in time is not lost because nobody looked.
+  Result<PacketSocket::Got> late_answer() {
+    return socket_.has_news() ? socket_.receive(packet_, Duration{1}) : PacketSocket::Got::timeout;
+  }
+  JobReport arrived(Bytes& output) {
+    const bool done = packet_.head.value == 0;
+    if (done) {
+      output.assign(packet_.parts[0].begin(), packet_.parts[0].end());
+      ++jobs_done_;
+    }
+    if (!packet_.parts[1].empty()) {
+      checkpoint_.assign(packet_.parts[1].begin(), packet_.parts[1].end());
+      since_.clear();
+    } else if (task_.context_travels && (done || !task_.context_copies)) {
+      since_.push_back(input_);  // it changed the context
+    }
+    return done ? report(JobStatus::done) : report(JobStatus::failed, text_of_answer());
+  }
+  std::string text_of_answer() const {
+    return {reinterpret_cast<const char*>(packet_.parts[2].data()), packet_.parts[2].size()};
+  }
+  std::string end_worker() {
+    if (!alive_) return "has gone";
+    alive_ = false;
+    socket_.close();
+    return "was " + options_.zygote->end(pid_);
+  }
+
+  const TaskOps& task_;
+  Bytes config_, checkpoint_;
+  std::vector<Bytes> since_;  // inputs
+  ExecutorOptions options_;
+  PacketSocket socket_;
+  pid_t pid_ = -1;
+  bool alive_ = false;
+  int restarts_ = -1, retries_ = 0;
+  std::uint64_t jobs_done_ = 0;
+  bool restarted_ = false, anew_ = false;
+  Clock::time_point began_;
+  JobId job_ = 0;
+  Bytes input_;
+  Packet packet_;
+};
+
+}  // namespace
+
+JobRunner* make_process_runner(const TaskOps& task, Bytes config, const ExecutorOptions& options) {
+  return new ProcessRunner(task, std::move(config), options);
+}
+
+}  // namespace oriel::run_detail

@@ -1,0 +1,261 @@
+#include "oriel/run/zygote.h"
+
+#include <poll.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/signalfd.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <map>
+#include <mutex>
+
+#include "oriel/run/thread_count.h"
+
+namespace oriel {
+namespace {
+
+// Between the program and its zygote.
+enum class ZygotePacket : std::uint16_t {
+  spawn = 1,    // parts: number of the task, limits; passes the worker's end. Answered by
+  spawned = 2,  // value: pid, or -errno
+  end = 3,      // value: pid. Answered by
+  ended = 4,    // value: wait status
+};
+
+PacketHead head_of(ZygotePacket kind, std::int64_t value = 0) {
+  PacketHead head;
+  head.kind = static_cast<std::uint16_t>(kind);
+  head.value = value;
+  return head;
+}
+template <class T>
+std::span<const std::byte> bytes_of(const T& x) {
+  return std::as_bytes(std::span(&x, 1));
+}
+
+void set_limit(__rlimit_resource which, std::uint64_t value) {
+  const rlimit limit{value, value};
+  static_cast<void>(::setrlimit(which, &limit));  // refused only where it is lower already
+}
+
+// What a child of this program is like, zygote or worker.
+void become_child(pid_t parent, const std::string& name) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent) ::_exit(0);  // it died before that was heard
+  ::prctl(PR_SET_NAME, name.c_str());     // the first 15 letters
+  std::signal(SIGINT, SIG_IGN);
+  std::signal(SIGQUIT, SIG_IGN);
+}
+
+[[noreturn]] void run_worker(PacketSocket socket, const TaskOps& task, const WorkerLimits& limits, pid_t zygote) {
+  sigset_t none;
+  ::sigemptyset(&none);
+  ::sigprocmask(SIG_SETMASK, &none, nullptr);
+  become_child(zygote, std::string("oriel:") + task.name);
+  if (!limits.core_dumps) set_limit(RLIMIT_CORE, 0);
+  if (limits.memory_bytes > 0) set_limit(RLIMIT_AS, limits.memory_bytes);
+  if (limits.cpu_seconds > 0) set_limit(RLIMIT_CPU, limits.cpu_seconds);
+  try {
+    serve_worker(socket, task);
+  } catch (...) {  // out of memory outside a job: the caller sees that the socket ends
+    ::_exit(1);
+  }
+  ::_exit(0);
+}
+
+class ZygoteServer {
+ public:
+  ZygoteServer(PacketSocket control, std::vector<const TaskOps*> tasks)
+      : control_(std::move(control)), tasks_(std::move(tasks)) {}
+
+  [[noreturn]] void serve() {
+    sigset_t child;
+    ::sigemptyset(&child);
+    ::sigaddset(&child, SIGCHLD);
+    ::sigprocmask(SIG_BLOCK, &child, nullptr);
+    const OwnedFd deaths(::signalfd(-1, &child, SFD_CLOEXEC | SFD_NONBLOCK));
+    for (Packet packet;;) {
+      std::array<pollfd, 2> p{pollfd{control_.fd(), POLLIN, 0}, pollfd{deaths.get(), POLLIN, 0}};
+      if (::poll(p.data(), p.size(), -1) < 0) continue;
+      if (p[1].revents != 0) reap(deaths.get());
+      if (p[0].revents == 0) continue;
+      const auto got = control_.receive(packet);
+      if (!got || *got == PacketSocket::Got::gone) ::_exit(0);  // workers die with this
+      if (*got == PacketSocket::Got::packet) answer(packet);
+    }
+  }
+
+ private:
+  void reap(int deaths) {
+    std::array<signalfd_siginfo, 8> told;
+    while (::read(deaths, told.data(), sizeof(told)) > 0) {
+    }
+    int status = 0;
+    for (pid_t pid; (pid = ::waitpid(-1, &status, WNOHANG)) > 0;) ended_[pid] = status;
+  }
+  void answer(Packet& packet) {
+    if (packet.head.kind == static_cast<std::uint16_t>(ZygotePacket::spawn))
+      static_cast<void>(control_.send(head_of(ZygotePacket::spawned, spawn(packet))));
+    else if (packet.head.kind == static_cast<std::uint16_t>(ZygotePacket::end))
+      static_cast<void>(control_.send(head_of(ZygotePacket::ended, end(static_cast<pid_t>(packet.head.value)))));
+  }
+  std::int64_t spawn(Packet& packet) {
+    std::uint32_t task = 0;
+    WorkerLimits limits;
+    if (packet.parts[0].size() != sizeof(task) || packet.parts[1].size() != sizeof(limits) || !packet.passed)
+      return -EINVAL;
+    std::memcpy(&task, packet.parts[0].data(), sizeof(task));
+    std::memcpy(&limits, packet.parts[1].data(), sizeof(limits));
+    if (task >= tasks_.size()) return -EINVAL;
+    PacketSocket socket(std::move(packet.passed));
+    const pid_t self = ::getpid(), pid = ::fork();
+    if (pid < 0) return -errno;
+    if (pid > 0) return pid;
+    control_.close();
+    run_worker(std::move(socket), *tasks_[task], limits, self);
+  }
+  // A pid stays a zombie, and so nobody else's, until it is asked for here or seen in reap.
+  int end(pid_t pid) {
+    if (const auto it = ended_.find(pid); it != ended_.end()) {
+      const int status = it->second;
+      ended_.erase(it);
+      return status;
+    }
+    int status = 0;
+    ::kill(pid, SIGKILL);
+    while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+    }
+    return status;
+  }
+
+  PacketSocket control_;
+  std::vector<const TaskOps*> tasks_;
+  std::map<pid_t, int> ended_;
+};
+
+std::string text_of_status(int status) {
+  if (WIFSIGNALED(status)) {
+    const int signal = WTERMSIG(status);
+    return "killed by signal " + std::to_string(signal) + " (" + ::strsignal(signal) + ")";
+  }
+  return "ended with exit code " + std::to_string(WEXITSTATUS(status));
+}
+
+}  // namespace
+
+struct Zygote::State {
+  std::mutex mutex;
+  pid_t pid = -1;
+  PacketSocket control;
+  std::vector<const TaskOps*> tasks;
+  ~State() {
+    control.close();
+    int status = 0;
+    while (pid > 0 && ::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+    }
+  }
+};
+
+Zygote::Zygote(Owned<State> state) : state_(std::move(state)) {}
+Zygote::Zygote(Zygote&&) noexcept = default;
+Zygote& Zygote::operator=(Zygote&&) noexcept = default;
+Zygote::~Zygote() = default;
+pid_t Zygote::pid() const { return state_->pid; }
+
+Result<Zygote> Zygote::start(std::vector<const TaskOps*> tasks) {
+  for (std::size_t i = 0; i < tasks.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      if (std::string_view(tasks[i]->name) == tasks[j]->name)
+        return Error{ErrorCode::duplicate, std::string("two tasks are named '") + tasks[i]->name + "'"};
+#ifndef __SANITIZE_THREAD__  // which keeps a thread of its own
+  if (thread_count() > 1)
+    return Error{ErrorCode::conflict, "a zygote must be started before the program makes threads"};
+#endif
+  auto ends = PacketSocket::make_pair();
+  if (!ends) return ends.error();
+  const pid_t parent = ::getpid(), pid = ::fork();
+  if (pid < 0) return Error{ErrorCode::io, std::string("fork: ") + std::strerror(errno)};
+  if (pid == 0) {
+    ends->first.close();
+    become_child(parent, "oriel:zygote");
+    try {
+      ZygoteServer(std::move(ends->second), std::move(tasks)).serve();
+    } catch (...) {
+      ::_exit(1);
+    }
+  }
+  Owned<State> state(new State);
+  state->pid = pid;
+  state->control = std::move(ends->first);
+  state->tasks = std::move(tasks);
+  return Zygote(std::move(state));
+}
+
+Result<Zygote::Worker> Zygote::spawn(const TaskOps& task, const WorkerLimits& limits) {
+  std::uint32_t number = 0;
+  while (number < state_->tasks.size() && state_->tasks[number] != &task) ++number;
+  if (number == state_->tasks.size())
+    return Error{ErrorCode::not_found, std::string("the zygote was not told of task '") + task.name + "'"};
+  auto ends = PacketSocket::make_pair();
+  if (!ends) return ends.error();
+  const std::lock_guard lock(state_->mutex);
+  const Error zygote_gone{ErrorCode::not_found, "the zygote has gone: no worker can be started"};
+  if (!state_->control.send(head_of(ZygotePacket::spawn), {bytes_of(number), bytes_of(limits), {}}, ends->second.fd()))
+    return zygote_gone;
+  Packet answer;
+  const auto got = state_->control.receive(answer);
+  if (!got || *got != PacketSocket::Got::packet) return zygote_gone;
+  if (answer.head.value <= 0)
+    return Error{ErrorCode::io, std::string("fork: ") + std::strerror(static_cast<int>(-answer.head.value))};
+  return Worker{static_cast<pid_t>(answer.head.value), std::move(ends->first)};
+}
+
+std::string Zygote::end(pid_t worker) {
+  const std::lock_guard lock(state_->mutex);
+  Packet answer;
+  if (!state_->control.send(head_of(ZygotePacket::end, worker))) return "its zygote has gone";
+  const auto got = state_->control.receive(answer);
+  if (!got || *got != PacketSocket::Got::packet) return "its zygote has gone";
+  return text_of_status(static_cast<int>(answer.head.value));
+}
+
+void serve_worker(PacketSocket& socket, const TaskOps& task) {
+  Packet packet;
+  void* context = nullptr;
+  std::string why;  // there is no context
+  Bytes output, travels;
+  for (;;) {
+    const auto got = socket.receive(packet);
+    if (!got || *got != PacketSocket::Got::packet) break;
+    PacketHead head;
+    head.kind = static_cast<std::uint16_t>(WorkerPacket::answer);
+    head.job = packet.head.job;
+    output.clear(), travels.clear();
+    Result<void> done;
+    if (packet.head.kind == static_cast<std::uint16_t>(WorkerPacket::begin)) {
+      if (context != nullptr) task.destroy_context(context);
+      context = nullptr;
+      auto made = packet.parts[1].empty() ? task.make_context(packet.parts[0]) : task.receive_context(packet.parts[1]);
+      if (made)
+        context = *made;
+      else
+        done = made.error();
+    } else if (context == nullptr) {
+      done = Error{ErrorCode::bad_input, "a worker has no context"};
+    } else {
+      done = task.optimize(context, packet.parts[0], output);
+      if (packet.head.value == 1 && task.context_travels) task.send_context(context, travels);
+    }
+    head.value = done ? 0 : 1;
+    if (!done) why = done.error().text();
+    const auto text = done ? std::span<const std::byte>() : std::as_bytes(std::span(why));
+    if (!socket.send(head, {output, travels, text})) break;
+  }
+  if (context != nullptr) task.destroy_context(context);
+}
+
+}  // namespace oriel

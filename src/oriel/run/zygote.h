@@ -1,0 +1,62 @@
+// The process that worker processes are forked from: made while the program is single-threaded, on the first line of
+// main, and small for ever (decision 16). A worker forked from it inherits no lock that a thread holds, no memory of
+// the caller's, and takes well below a millisecond.
+//
+// It and its workers die with the program, however that ends; the terminal's interrupt is the program's business, they
+// ignore it. `ps` names them oriel:zygote and oriel:<task>.
+#pragma once
+#include <sys/types.h>
+
+#include <vector>
+
+#include "oriel/base/owned.h"
+#include "oriel/run/packet_socket.h"
+#include "oriel/run/task.h"
+
+namespace oriel {
+
+// What a worker's process may use.
+struct WorkerLimits {
+  std::uint64_t memory_bytes = 0;  // of address space; 0: no limit. Beyond it allocations fail, in the task
+  std::uint64_t cpu_seconds = 0;   // of CPU time in all; 0: no limit. Beyond it the process is ended
+  bool core_dumps = false;         // writing one takes longer than starting anew
+};
+
+class Zygote {
+ public:
+  // Forks. `tasks` are those that workers can be made for, by name: {&kTaskOps<A>, &kTaskOps<B>}. Refused once the
+  // program has more than one thread, and where two tasks have one name.
+  static Result<Zygote> start(std::vector<const TaskOps*> tasks);
+
+  Zygote(Zygote&&) noexcept;
+  Zygote& operator=(Zygote&&) noexcept;
+  ~Zygote();  // its workers end with it
+
+  // A worker of that task, at the other end of the socket. Any thread may ask.
+  struct Worker {
+    pid_t pid = -1;
+    PacketSocket socket;
+  };
+  Result<Worker> spawn(const TaskOps& task, const WorkerLimits& limits);
+  // Ends a worker and waits until it is gone; how it ended, as text: "killed by signal 11 (Segmentation fault)".
+  std::string end(pid_t worker);
+
+  pid_t pid() const;
+
+ private:
+  struct State;
+  explicit Zygote(Owned<State> state);
+  Owned<State> state_;
+};
+
+// The worker's side: makes a context and does jobs until the socket ends.
+void serve_worker(PacketSocket& socket, const TaskOps& task);
+
+// Kinds of packets between an executor and its worker.
+enum class WorkerPacket : std::uint16_t {
+  begin = 1,   // parts: config, context (empty: make it of the config)
+  job = 2,     // parts: input; value 1: the context is to travel with the answer
+  answer = 3,  // parts: output, context, text of an error; value 0 done, 1 failed
+};
+
+}  // namespace oriel
