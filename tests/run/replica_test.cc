@@ -129,6 +129,32 @@ TEST(Replica, HasTheOriginsBitsAfterItsSolution) {
   }
 }
 
+// R1, C1: one that fell too far behind begins anew with the whole graph, under the engine that it has.
+TEST(Replica, HasTheOriginsBitsAfterItFellBehind) {
+  auto replica = Replica::start(random_graph_types());
+  ASSERT_TRUE(replica) << replica.error();
+  RandomGraph origin(24);
+  origin.graph.bound_log({.per_live = 0.1, .least = 4});
+  NativeEngine engine(origin.graph);
+  const Subscription s = origin.graph.subscribe();
+  int behind = 0;
+  for (int i = 0; i < 60; ++i) {
+    for (int edits = 1 + origin.below(6); edits > 0; --edits) ASSERT_TRUE(origin.step(8));
+    behind += origin.graph.log().behind(s);
+    ASSERT_TRUE(replica->follow(origin.graph, s));
+    SolveOptions options;
+    options.max_iterations = 3;
+    const SolverState before = engine.state();
+    const Summary summary = engine.solve(options);
+    ASSERT_TRUE(replica->solve(request_of(options, before, summary)));
+    const auto got = replica->outcome();
+    ASSERT_TRUE(got) << got.error();
+    ASSERT_EQ(got->fingerprint, fingerprint(origin.graph)) << "round " << i;
+  }
+  EXPECT_GT(behind, 10);
+  EXPECT_LT(behind, 60);
+}
+
 // A deadline or a callback ends a solve at a step that the request names.
 TEST(Replica, FollowsASolveThatWasStoppedFromOutside) {
   auto replica = Replica::start(random_graph_types());

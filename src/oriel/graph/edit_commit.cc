@@ -26,6 +26,7 @@ void EditCommit::run() {
   for (auto& t : g_.tables_) t->compact_if_due();
   g_.priors_.compact_if_due();
   if (structural) g_.structure_version_ = g_.version_;
+  g_.log_.settle(g_);
   edit_.mark_applied();
 }
 
@@ -343,7 +344,7 @@ void EditCommit::set_first_estimates(std::uint32_t row) {
 void EditCommit::note_change(const VariablePool& pool, std::uint32_t dense) {
   const VariablePool::Versions& v = pool.versions(dense);
   if (v.value == g_.version_ || v.fixed == g_.version_ || v.first_estimate == g_.version_) return;
-  g_.log_.note(ChangeLog::Change{{pool.ops().key, pool.slots().key(dense)}, g_.version_});
+  g_.log_.note(ChangeLog::Change{{pool.ops().key, pool.slots().key(dense)}, g_.version_}, v.added);
 }
 
 void EditCommit::set_losses() {
@@ -351,8 +352,9 @@ void EditCommit::set_losses() {
     if (c->losses.empty()) continue;
     FactorTable& table = *g_.tables_[g_.table_index(c->ops)];
     for (const auto& [key, loss] : c->losses) {
-      table.set_loss(table.slots().find(key), loss);
-      g_.log_.note(ChangeLog::LossChange{{c->ops->key, key}, g_.version_});
+      const std::uint32_t row = table.slots().find(key);
+      table.set_loss(row, loss);
+      g_.log_.note(ChangeLog::LossChange{{c->ops->key, key}, g_.version_}, table.added(row));
     }
   }
 }

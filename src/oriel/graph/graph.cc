@@ -13,8 +13,26 @@ Graph::~Graph() = default;
 
 Result<void> Graph::apply(GraphEdit& edit) noexcept {
   if (edit.applied()) return Error{ErrorCode::conflict, "apply: this edit was applied already; clear() it first"};
+  edit.meet(*this);
+  if (edit.whole()) return replace(edit);
   if (auto ok = EditValidator(*this, edit, marks_).validate(); !ok) return ok;
   EditCommit(*this, edit).run();
+  return {};
+}
+
+// By what an edit says that is the whole of another graph. Versions go on rising, so that engines and followers of this
+// one notice; pools and tables keep their places, by which engines hold columns.
+Result<void> Graph::replace(GraphEdit& whole) noexcept {
+  Graph fresh;
+  for (const auto& p : pools_) fresh.pool_index(&p->ops());
+  for (const auto& t : tables_) fresh.table_index(&t->ops());
+  fresh.version_ = version_;
+  if (auto ok = EditValidator(fresh, whole, fresh.marks_).validate(); !ok) return ok;
+  EditCommit(fresh, whole).run();
+  fresh.structure_version_ = fresh.version_;
+  fresh.log_ = std::move(log_);
+  fresh.log_.leave_all_behind();
+  *this = std::move(fresh);
   return {};
 }
 
@@ -192,9 +210,10 @@ void Graph::collect_labels(GraphEdit& out) const {
 
 void Graph::collect(Subscription s, GraphEdit& out) {
   out.clear();
+  if (log_.behind(s)) out.mark_whole();
   const std::uint64_t seen = log_.seen(s);
-  for (const ChangeLog::Removal& r : log_.removals()) {
-    if (r.removed <= seen || r.added > seen) continue;
+  for (const ChangeLog::Removal& r : log_.removals(seen)) {
+    if (r.added > seen) continue;
     if (!r.factor)
       out.variables(find_ops(r.type)).remove(r.key);
     else if (r.type == PriorTable::kKey)
@@ -209,10 +228,10 @@ void Graph::collect(Subscription s, GraphEdit& out) {
   for (const auto& t : tables_) collect_added(*t, pools_, seen, out);
   collect_added(priors_, pools_, seen, out);
   collect_labels(out);
-  for (const ChangeLog::Change& change : log_.changes()) {
+  for (const ChangeLog::Change& change : log_.changes(seen)) {
     const VariablePool* pool = find_pool(change.id.type);
     const std::uint32_t d = pool->slots().find(change.id.key);
-    if (change.version <= seen || d == SlotIndex::kNone || pool->versions(d).added > seen) continue;
+    if (d == SlotIndex::kNone || pool->versions(d).added > seen) continue;
     edit::Variables& c = out.variables(&pool->ops());
     if (pool->versions(d).value == change.version) {
       c.set.emplace_back(change.id.key, edit::SetKind::value);
@@ -230,11 +249,11 @@ void Graph::collect(Subscription s, GraphEdit& out) {
 
 // Of factors that the follower knows; what was set twice is named twice, as it is now.
 void Graph::collect_losses(std::uint64_t seen, GraphEdit& out) const {
-  for (const ChangeLog::LossChange& change : log_.loss_changes())
+  for (const ChangeLog::LossChange& change : log_.loss_changes(seen))
     for (const auto& t : tables_) {
       if (t->ops().key != change.id.table) continue;
       const std::uint32_t r = t->slots().find(change.id.key);
-      if (change.version > seen && r != SlotIndex::kNone && t->added(r) <= seen)
+      if (r != SlotIndex::kNone && t->added(r) <= seen)
         out.factors(&t->ops()).losses.emplace_back(change.id.key, t->loss(r));
     }
 }

@@ -104,8 +104,12 @@ class Graph {
   Subscription subscribe() { return log_.subscribe(); }
   void unsubscribe(Subscription s) { log_.unsubscribe(s); }
   // Writes the net of what the follower has not seen into `out` (cleared first), with ids and serials, and marks it
-  // as seen. Applied to a graph that followed so far, it makes that graph equal to this one.
+  // as seen. Applied to a graph that followed so far, it makes that graph equal to this one (but for what engines have
+  // found since, C5). A follower that had fallen behind (log().behind) is given the whole graph: out.whole() says that
+  // whoever follows forgets what he has; apply and the wire do so by themselves.
   void collect(Subscription s, GraphEdit& out);
+  const ChangeLog& log() const { return log_; }
+  void bound_log(const ChangeLog::Bound& bound) { log_.set_bound(bound); }
 
   // ---- what engines and reports read ----
   const std::vector<Owned<VariablePool>>& pools() const { return pools_; }
@@ -129,6 +133,7 @@ class Graph {
   friend class EditCommit;
 
   [[noreturn]] void unresolved(VariableKey id) const;
+  Result<void> replace(GraphEdit& whole) noexcept;
   std::uint32_t pool_index(const VariableOps* ops);
   std::uint32_t table_index(const FactorOps* ops);
   void collect_labels(GraphEdit& out) const;
@@ -147,9 +152,9 @@ class Graph {
   std::vector<double> derived_rows_;
   std::vector<char> derived_leaving_;
   LinearPrior derived_prior_;
-  std::vector<VariableRef> prior_refs_;        // scratch of apply
-  edit::SlotMarks marks_;                      // scratch of apply
-  GraphEdit derived_;                          // scratch of apply: priors that lose variables
+  std::vector<VariableRef> prior_refs_;  // scratch of apply
+  edit::SlotMarks marks_;                // scratch of apply
+  GraphEdit derived_;                    // scratch of apply: priors that lose variables
   std::uint64_t version_ = 0, structure_version_ = 0, next_serial_ = 1;
 };
 

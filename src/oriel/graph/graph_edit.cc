@@ -192,11 +192,17 @@ edit::Variables* GraphEdit::known_column(VariableKey id, const char* what) {
 }
 
 void GraphEdit::fix(VariableKey id, bool fixed) {
-  if (edit::Variables* c = known_column(id, "fix")) c->fixed.emplace_back(id.key, fixed);
+  if (edit::Variables* c = known_column(id, "fix"))
+    c->fixed.emplace_back(id.key, fixed);
+  else
+    put_off({fixed ? edit::Unmet::What::fix : edit::Unmet::What::release, id.type, id.key});
 }
 
 void GraphEdit::remove(VariableKey id) {
-  if (edit::Variables* c = known_column(id, "remove")) c->remove(id.key);
+  if (edit::Variables* c = known_column(id, "remove"))
+    c->remove(id.key);
+  else
+    put_off({edit::Unmet::What::remove_variable, id.type, id.key});
 }
 
 void GraphEdit::remove(FactorId id) {
@@ -205,13 +211,45 @@ void GraphEdit::remove(FactorId id) {
     return;
   }
   edit::Factors* c = known_column(id, "remove");
-  if (c == nullptr) return;
+  if (c == nullptr) return put_off({edit::Unmet::What::remove_factor, id.table, id.key});
   c->removed_at.set(id.key.index, static_cast<std::uint32_t>(c->removed.size()));
   c->removed.push_back(id.key);
 }
 
 void GraphEdit::set(FactorId id, const Loss& loss) {
-  if (edit::Factors* c = known_column(id, "set")) c->losses.emplace_back(id.key, loss);
+  if (edit::Factors* c = known_column(id, "set"))
+    c->losses.emplace_back(id.key, loss);
+  else
+    put_off({edit::Unmet::What::set_loss, id.table, id.key, loss});
+}
+
+void GraphEdit::put_off(const edit::Unmet& what) {
+  if (seen_ == nullptr && proposes_) unmet_.push_back(what);
+}
+
+void GraphEdit::meet(const Graph& graph) {
+  if (unmet_.empty()) return;
+  unknown_.clear();
+  seen_ = &graph;
+  for (const edit::Unmet& u : unmet_) {
+    const VariableKey variable(u.type, u.key);
+    switch (u.what) {
+      case edit::Unmet::What::fix:
+      case edit::Unmet::What::release:
+        fix(variable, u.what == edit::Unmet::What::fix);
+        break;
+      case edit::Unmet::What::remove_variable:
+        remove(variable);
+        break;
+      case edit::Unmet::What::remove_factor:
+        remove(FactorId{u.type, u.key});
+        break;
+      case edit::Unmet::What::set_loss:
+        set(FactorId{u.type, u.key}, u.loss);
+    }
+  }
+  seen_ = nullptr;  // a proposal is its writer's again, who may be beside the graph
+  unmet_.clear();
 }
 
 // Null, and an edit that is refused, for a table that the graph does not know.
@@ -253,7 +291,7 @@ bool GraphEdit::empty() const {
     if (!c->empty()) return false;
   for (const auto& c : factors_)
     if (!c->empty()) return false;
-  return priors_.empty() && unknown_.empty();
+  return priors_.empty() && unknown_.empty() && !whole_;
 }
 
 void GraphEdit::clear() {
@@ -262,10 +300,11 @@ void GraphEdit::clear() {
   for (auto& c : factors_) c->clear();
   priors_.clear();
   labels_.clear();
+  unmet_.clear();
   unknown_.clear();
   order_ = 0;
   required_version_ = 0;
-  applied_ = false;
+  applied_ = whole_ = false;
 }
 
 }  // namespace oriel

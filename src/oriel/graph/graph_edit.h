@@ -109,6 +109,15 @@ struct Priors {
   }
 };
 
+// What is to be done to a thing of a type that the edit has no column for yet, and knows no graph to ask.
+struct Unmet {
+  enum class What : std::uint8_t { fix, release, remove_variable, remove_factor, set_loss };
+  What what;
+  std::uint64_t type = 0;  // of the variable, or the table
+  SlotKey key;
+  Loss loss = Loss::none();
+};
+
 }  // namespace edit
 
 // A prior as one writes it down: r = d + R (x ⊟ x̂), see residual/linear_prior.h.
@@ -129,8 +138,8 @@ class GraphEdit {
   explicit GraphEdit(Graph& graph);
   // An edit by somebody who must not lend ids: a worker beside the graph. What it adds has placeholder ids, good within
   // the edit at once; the graph that it is for gives the true ones in `apply` (decision 8), and `resolved` tells them.
-  // `seen` is what the worker knows of it, a replica; without, it can add and connect, but neither fix nor remove what
-  // exists, nor put a prior on it. Existing things are named by their true ids.
+  // `seen` is what the worker knows of it, a replica; without, it puts no prior on what exists, and the graph looks up
+  // in `apply` what is fixed, removed or given a loss. Existing things are named by their true ids.
   static GraphEdit proposal(const Graph* seen = nullptr);
   GraphEdit(GraphEdit&&) noexcept;
   GraphEdit& operator=(GraphEdit&&) noexcept;
@@ -178,6 +187,10 @@ class GraphEdit {
   void require_version(std::uint64_t version) { required_version_ = version; }
   std::uint64_t required_version() const { return required_version_; }
 
+  // It is the whole of a graph: applied, it replaces what is there (Graph::collect, for a follower that fell behind).
+  void mark_whole() { whole_ = true; }
+  bool whole() const { return whole_; }
+
   // The graph whose ids it gives out; null if its ids were given elsewhere.
   const Graph* lender() const { return graph_; }
 
@@ -201,6 +214,8 @@ class GraphEdit {
   const std::string& unknown() const { return unknown_; }
   std::uint64_t next_order() { return order_++; }
   std::uint64_t order() const { return order_; }
+  // By apply: what a proposal names that had no graph to look it up in.
+  void meet(const Graph& graph);
   void mark_applied() { applied_ = true; }
   bool applied() const { return applied_; }
 
@@ -213,6 +228,7 @@ class GraphEdit {
   void set_value(const VariableOps* ops, SlotKey key, const void* value);
   const void* find_value(VariableKey id) const;
   edit::Variables* column_of(std::uint64_t type);
+  void put_off(const edit::Unmet& what);
   edit::Factors* known_column(FactorId id, const char* what);
   edit::Variables* known_column(VariableKey id, const char* what);
   [[noreturn]] void unresolved(VariableKey id) const;
@@ -224,9 +240,10 @@ class GraphEdit {
   std::vector<Owned<edit::Factors>> factors_;
   edit::Priors priors_;
   std::vector<std::pair<VariableKey, std::string>> labels_;
+  std::vector<edit::Unmet> unmet_;
   std::string unknown_;
   std::uint64_t order_ = 0, required_version_ = 0;
-  bool applied_ = false;
+  bool applied_ = false, whole_ = false;
 };
 
 // ---- implementation of the templates ----

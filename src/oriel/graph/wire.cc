@@ -179,7 +179,7 @@ Result<Message> read_message(std::span<const std::byte> bytes) {
 }
 
 void append_edit(Bytes& out, const GraphEdit& edit) {
-  append_message(out, kEditMessage, [&](ByteWriter& w) {
+  append_message(out, edit.whole() ? kWholeMessage : kEditMessage, [&](ByteWriter& w) {
     w.put(edit.required_version());
     put_columns(w, edit.variable_columns());
     put_columns(w, edit.factor_columns());

@@ -14,6 +14,8 @@ namespace oriel {
 // What a message is about. Those of the graph are below; rooms to the right add theirs (run/message.h).
 using MessageKind = std::uint16_t;
 inline constexpr MessageKind kEditMessage = 1, kSolutionMessage = 2;
+// An edit that is the whole of a graph, and replaces what the reader has.
+inline constexpr MessageKind kWholeMessage = 9;
 
 // One message: 24 bytes of header (magic, version, kind, size, checksum), then the payload.
 struct Message {

@@ -209,7 +209,8 @@ class EditReader {
 
 Result<void> read_edit(const Message& message, const TypeList& types, const Graph& target, GraphEdit& edit) {
   edit.clear();
-  if (message.kind != kEditMessage) return damaged("it is no edit");
+  if (message.kind != kEditMessage && message.kind != kWholeMessage) return damaged("it is no edit");
+  if (message.kind == kWholeMessage) edit.mark_whole();
   ByteReader r(message.payload);
   auto ok = EditReader(r, types, target, edit).read();
   if (!ok) edit.clear();

@@ -13,6 +13,7 @@ class Replayer {
   Result<void> take(const Message& message) {
     switch (message.kind) {
       case kEditMessage:
+      case kWholeMessage:
         return edit(message);
       case kSolveMessage:
         return solve(message);

@@ -21,6 +21,7 @@ class ReplicaServer {
   Result<void> handle(const Message& message) {
     switch (message.kind) {
       case kEditMessage:
+      case kWholeMessage:
         return edit(message);
       case kSolutionMessage:
         return adopt(message);
