@@ -8,11 +8,11 @@
 #include "apps/command.h"
 #include "apps/commands.h"
 #include "apps/engine_choice.h"
-#include "apps/loss_argument.h"
+#include "oriel/io/loss_text.h"
 #include "apps/solve_files.h"
 #include "oriel/io/text.h"
 
-namespace oriel::apps {
+namespace oriel {
 namespace {
 
 // As they stand on the command line.
@@ -188,4 +188,4 @@ void add_solve_command(CLI::App& app, int& exit_code) {
   command->callback([a, &exit_code] { exit_code = run(*a); });
 }
 
-}  // namespace oriel::apps
+}  // namespace oriel

@@ -1,10 +1,10 @@
-#include "apps/loss_argument.h"
+#include "oriel/io/loss_text.h"
 
 #include <limits>
 
 #include "oriel/io/text.h"
 
-namespace oriel::apps {
+namespace oriel {
 namespace {
 
 // A number, or the words of one that is not finite.
@@ -38,4 +38,4 @@ Result<Loss> parse_loss(const std::string& text) {
                    quote_token(text)};
 }
 
-}  // namespace oriel::apps
+}  // namespace oriel

@@ -1,0 +1,103 @@
+#include "oriel/run/solve_beside.h"
+
+#include <utility>
+
+namespace oriel::run_detail {
+namespace {
+
+// A variable that was fixed while a solve was under way keeps its value here and was moved there: its value goes along.
+void send_values_of_fixed(const Graph& graph, GraphEdit& edit) {
+  for (auto& column : edit.variable_columns()) {
+    for (const auto& [key, fixed] : column->fixed) {
+      const void* value = graph.find_value({column->ops->key, key});
+      bool is_set = !fixed || value == nullptr;
+      for (const auto& [id, kind] : column->set) is_set = is_set || (id == key && kind == edit::SetKind::value);
+      if (is_set) continue;
+      column->set.emplace_back(key, edit::SetKind::value);
+      column->set_values.push_back(value);
+    }
+  }
+}
+
+}  // namespace
+
+struct SolveContext::State {
+  explicit State(TypeList t) : types(std::move(t)), engine(graph) {}
+  TypeList types;
+  Graph graph;
+  NativeEngine engine;
+  GraphEdit edit;
+  std::uint64_t sequence = 0;  // of the last job
+};
+
+SolveContext::SolveContext(TypeList types) : state_(new State(std::move(types))) {}
+SolveContext::SolveContext(SolveContext&&) noexcept = default;
+SolveContext& SolveContext::operator=(SolveContext&&) noexcept = default;
+SolveContext::~SolveContext() = default;
+
+Result<SolveOutput> SolveContext::solve(const SolveInput& input) {
+  State& s = *state_;
+  const auto edit = read_message(input.edit);
+  if (!edit) return edit.error();
+  const auto request_message = read_message(input.request);
+  if (!request_message) return request_message.error();
+  auto request = read_solve(*request_message);
+  if (!request) return request.error();
+  if (auto ok = read_edit(*edit, s.types, s.graph, s.edit); !ok) return ok.error();
+  if (!s.edit.whole() && input.sequence != s.sequence + 1)
+    return Error{ErrorCode::conflict, "a worker's graph is not the one that these edits are for"};
+  s.sequence = 0;  // in vain until the end
+  if (auto ok = s.graph.apply(s.edit); !ok) return ok.error();
+  request->state.solved_version = s.engine.state().solved_version;
+  s.engine.restore(request->state);
+  const Summary summary = s.engine.solve(request->options);
+  s.sequence = input.sequence;
+
+  SolveOutput out;
+  out.version = input.version;
+  if (!summary.failed() && summary.accepted > 0) append_solution(out.solution, s.engine.solution());
+  append_outcome(out.outcome, outcome_of(summary, s.engine.state(), s.graph));
+  return out;
+}
+
+void SolveOwner::begin_anew() {
+  if (subscribed_) graph_->unsubscribe(subscription_);
+  subscription_ = graph_->subscribe();
+  subscribed_ = true;
+  whole_ = true;
+  sequence_ = 0;
+}
+
+SolveInput SolveOwner::collect(const SolveOptions& options) {
+  SolveInput in;
+  graph_->collect(subscription_, edit_);
+  if (std::exchange(whole_, false))
+    edit_.mark_whole();
+  else
+    send_values_of_fixed(*graph_, edit_);
+  in.sequence = ++sequence_;
+  in.version = graph_->version();
+  append_edit(in.edit, edit_);
+  SolveRequest request{options, state_};
+  append_solve(in.request, request);
+  return in;
+}
+
+void SolveOwner::write(const SolveOutput& output) { written_ = take(output); }
+
+Result<void> SolveOwner::take(const SolveOutput& output) {
+  const auto message = read_message(output.outcome);
+  if (!message) return message.error();
+  auto outcome = read_outcome(*message);
+  if (!outcome) return outcome.error();
+  outcome_ = *outcome;
+  state_ = outcome_.state;
+  if (output.solution.empty()) return {};
+  const auto solution = read_message(output.solution);
+  if (!solution) return solution.error();
+  if (auto ok = read_solution(*solution, types_, solution_); !ok) return ok;
+  solution_.version = output.version;  // what the owner set since then stays
+  return graph_->adopt(solution_);
+}
+
+}  // namespace oriel::run_detail

@@ -1,0 +1,162 @@
+// A graph that is solved beside its owner: in place, in a thread or in a child process, with the same bits.
+//
+//     auto beside = SolveBeside::start(graph, ExecutorKind::process, options).value();
+//     beside.submit({});           // what changed since the last time goes over; returns at once
+//     graph.apply(edit);           // the owner goes on adding, removing, setting
+//     beside.write_back();         // waits; the values found go into the graph (Graph::adopt), but for what is gone,
+//                                  // fixed, or was set meanwhile
+//
+// The worker holds a replica that follows by net edits (change_log.h) and keeps its structure from job to job. When it
+// is lost, or a job fails, the next one takes the whole graph: the owner's graph is the checkpoint, so that results are
+// those of an undisturbed run. Submit and write_back stand at points that the owner's data define (a keyframe, so many
+// updates later); then a run has the same bits wherever it is solved.
+#pragma once
+#include "oriel/run/executor.h"
+#include "oriel/run/message.h"
+#include "oriel/run/registry.h"
+
+namespace oriel {
+
+// What the worker is told: net edits since the job before, and how to solve. Messages of graph/wire.h and message.h.
+struct SolveInput {
+  std::uint64_t sequence = 0;  // of the job; edits that do not follow those of the job before are refused
+  std::uint64_t version = 0;   // of the owner's graph
+  Bytes edit, request;
+};
+struct SolveOutput {
+  std::uint64_t version = 0;
+  Bytes solution, outcome;
+};
+
+namespace run_detail {
+
+// The worker's graph and engine.
+class SolveContext {
+ public:
+  explicit SolveContext(TypeList types);
+  SolveContext(SolveContext&&) noexcept;
+  SolveContext& operator=(SolveContext&&) noexcept;
+  ~SolveContext();
+  Result<SolveOutput> solve(const SolveInput& input);
+
+ private:
+  struct State;
+  Owned<State> state_;
+};
+
+// The owner's side, but for the executor.
+class SolveOwner {
+ public:
+  SolveOwner(Graph& graph, TypeList types) : graph_(&graph), types_(std::move(types)) { begin_anew(); }
+  SolveInput collect(const SolveOptions& options);
+  void write(const SolveOutput& output);
+  const Result<void>& written() const { return written_; }  // what came of it
+  // The worker is not where it should be: it is told everything next time.
+  void begin_anew();
+  const SolveOutcome& outcome() const { return outcome_; }
+  const SolverState& state() const { return state_; }
+
+ private:
+  Result<void> take(const SolveOutput& output);
+
+  Graph* graph_;
+  TypeList types_;
+  Subscription subscription_;
+  bool subscribed_ = false, whole_ = true;
+  std::uint64_t sequence_ = 0;
+  SolverState state_;
+  SolveOutcome outcome_;
+  GraphEdit edit_;
+  Solution solution_;
+  Result<void> written_;
+};
+
+}  // namespace run_detail
+
+// The types that come with the library. For others: a struct with the same two members.
+struct ShippedTypes {
+  static constexpr const char* kName = "solve";
+  static TypeList types() { return shipped_types(); }
+};
+
+template <class Types>
+struct SolveTask {
+  static constexpr const char* kName = Types::kName;
+  struct Config {};
+  using Map = run_detail::SolveOwner;
+  static run_detail::SolveContext init_context(const Config&) { return run_detail::SolveContext(Types::types()); }
+  SolveInput collect(const SolveInput& input) const { return input; }
+  static Result<SolveOutput> optimize(run_detail::SolveContext& context, const SolveInput& input) {
+    return context.solve(input);
+  }
+  static void write(const SolveOutput& output, Map& owner) { owner.write(output); }
+};
+
+template <class Types>
+class SolveBesideWith {
+ public:
+  // For the zygote: Zygote::start({&SolveBeside::kTask}).
+  static constexpr const TaskOps& kTask = kTaskOps<SolveTask<Types>>;
+
+  // The graph must outlive it. `tries`: how often a job whose worker died is begun anew before it is given up.
+  static Result<SolveBesideWith> start(Graph& graph, ExecutorKind kind, ExecutorOptions options = {}, int tries = 3) {
+    options.retries = 0;  // a new worker needs another input
+    options.coalesce = false;
+    auto executor = Executor<SolveTask<Types>>::start(kind, {}, options);
+    if (!executor) return executor.error();
+    return SolveBesideWith(graph, std::move(*executor), tries);
+  }
+
+  // No callback, no deadline: they are the owner's affair. busy where a job is in flight.
+  JobReport submit(const SolveOptions& options) {
+    if (in_flight_) return {0, JobStatus::busy, "a solve is in flight: write it back first"};
+    options_ = options;
+    JobReport r = executor_.submit(owner_.collect(options));
+    for (int i = 0; i < tries_ && r.status == JobStatus::died; ++i) r = again();
+    in_flight_ = r.status == JobStatus::accepted;
+    return r;
+  }
+  bool is_running() { return executor_.is_running(); }
+  // Waits, and adopts the values once. Where the worker was lost the job is done again, with the graph as it is now.
+  JobReport write_back() {
+    if (!in_flight_) return {};
+    JobReport r = executor_.write_back(owner_);
+    bool restarted = r.restarted;
+    for (int i = 0; i < tries_ && is_lost(r); ++i) {
+      r = again();
+      if (r.status == JobStatus::accepted) r = executor_.write_back(owner_);
+      restarted = true;
+    }
+    if (r.status == JobStatus::done && !owner_.written())
+      r.status = JobStatus::failed, r.message = owner_.written().error().text();
+    if (r.status != JobStatus::done) owner_.begin_anew();
+    in_flight_ = false;
+    r.restarted = restarted;
+    return r;
+  }
+  // Of the last solve that was written back.
+  const SolveOutcome& outcome() const { return owner_.outcome(); }
+  const SolverState& state() const { return owner_.state(); }
+  void terminate() { executor_.terminate(); }
+
+ private:
+  SolveBesideWith(Graph& graph, Executor<SolveTask<Types>> executor, int tries)
+      : owner_(graph, Types::types()), executor_(std::move(executor)), tries_(tries) {}
+  static bool is_lost(const JobReport& r) {
+    return r.status == JobStatus::died || (r.status == JobStatus::failed && r.restarted);
+  }
+  JobReport again() {
+    owner_.begin_anew();
+    return executor_.submit(owner_.collect(options_));
+  }
+
+  run_detail::SolveOwner owner_;
+  Executor<SolveTask<Types>> executor_;
+  SolveOptions options_;
+  int tries_;
+  bool in_flight_ = false;
+};
+
+using SolveBeside = SolveBesideWith<ShippedTypes>;
+
+}  // namespace oriel

@@ -1,0 +1,165 @@
+// A graph that is solved beside its owner has the bits of one that is solved in place, through edits that come
+// meanwhile and workers that die.
+#include "oriel/run/solve_beside.h"
+
+#include <dirent.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <chrono>
+#include <fstream>
+#include <iostream>
+#include <thread>
+
+#include "graph/random_graph.h"
+#include "oriel/graph/fingerprint.h"
+
+namespace oriel {
+namespace {
+
+struct RandomTypes {
+  static constexpr const char* kName = "random";
+  static TypeList types() { return testing_graph::random_graph_types(); }
+};
+using Beside = SolveBesideWith<RandomTypes>;
+using Clock = std::chrono::steady_clock;
+
+pid_t worker_of(const Zygote& zygote) {
+  std::ifstream children("/proc/" + std::to_string(zygote.pid()) + "/task/" + std::to_string(zygote.pid()) +
+                         "/children");
+  pid_t pid = -1;
+  children >> pid;
+  return pid;
+}
+
+struct History {
+  std::vector<std::uint64_t> fingerprints;
+  int moved = 0, restarts = 0;
+};
+
+// Rounds of: submit, edits meanwhile, write back. `kills` of ten rounds lose their worker.
+History run(ExecutorKind kind, Zygote& zygote, unsigned seed, int rounds, int kills) {
+  testing_graph::RandomGraph origin(seed);
+  std::mt19937 accidents(seed + 1);
+  ExecutorOptions options;
+  options.zygote = &zygote;
+  auto beside = std::move(Beside::start(origin.graph, kind, options).value());
+  History out;
+  for (int round = 0; round < rounds; ++round) {
+    EXPECT_TRUE(origin.step(8));
+    SolveOptions solve;
+    solve.max_iterations = 1 + round % 6;
+    const JobReport begun = beside.submit(solve);
+    EXPECT_EQ(begun.status, JobStatus::accepted) << begun;
+    if (static_cast<int>(accidents() % 10) < kills) {
+      std::this_thread::sleep_for(std::chrono::microseconds(accidents() % 300));
+      if (const pid_t pid = worker_of(zygote); pid > 0) ::kill(pid, SIGKILL);
+    }
+    if (kills == 0)  // with a worker that dies the job is done again, with the graph as it is then
+      for (int edits = round % 3; edits > 0; --edits) EXPECT_TRUE(origin.step(6));
+    const JobReport done = beside.write_back();
+    EXPECT_EQ(done.status, JobStatus::done) << done;
+    out.restarts += done.restarted;
+    out.moved += beside.outcome().accepted > 0;
+    out.fingerprints.push_back(fingerprint(origin.graph));
+    EXPECT_EQ(beside.write_back().status, JobStatus::none);
+  }
+  return out;
+}
+
+// R1, R2
+TEST(SolveBeside, HasTheSameBitsInAllExecutorsWhileItsOwnerGoesOnEditing) {
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    Zygote zygote = Zygote::start({&Beside::kTask}).value();
+    const History in_place = run(ExecutorKind::in_place, zygote, seed, 40, 0);
+    EXPECT_GT(in_place.moved, 10);
+    EXPECT_EQ(run(ExecutorKind::thread, zygote, seed, 40, 0).fingerprints, in_place.fingerprints) << seed;
+    EXPECT_EQ(run(ExecutorKind::process, zygote, seed, 40, 0).fingerprints, in_place.fingerprints) << seed;
+  }
+}
+
+// R1: and those of an engine of the owner's.
+TEST(SolveBeside, HasTheBitsOfAnEngineThatSolvesTheGraphItself) {
+  Zygote zygote = Zygote::start({&Beside::kTask}).value();
+  for (const ExecutorKind kind : {ExecutorKind::in_place, ExecutorKind::process}) {
+    testing_graph::RandomGraph a(9), b(9);
+    NativeEngine engine(a.graph);
+    ExecutorOptions options;
+    options.zygote = &zygote;
+    auto beside = std::move(Beside::start(b.graph, kind, options).value());
+    for (int round = 0; round < 40; ++round) {
+      ASSERT_TRUE(a.step(8));
+      ASSERT_TRUE(b.step(8));
+      SolveOptions solve;
+      solve.max_iterations = 1 + round % 6;
+      const Summary summary = engine.solve(solve);
+      ASSERT_TRUE(beside.submit(solve));
+      ASSERT_EQ(beside.write_back().status, JobStatus::done);
+      EXPECT_EQ(beside.outcome().final_cost, summary.final_cost);
+      ASSERT_EQ(fingerprint(a.graph), fingerprint(b.graph)) << name_of(kind) << ' ' << round;
+    }
+  }
+}
+
+// R6: the child is started anew from the owner's graph, and its bits are those of the undisturbed run.
+TEST(SolveBeside, ComesToTheBitsOfTheUndisturbedRunWhereWorkersDie) {
+  for (unsigned seed = 11; seed <= 14; ++seed) {
+    Zygote zygote = Zygote::start({&Beside::kTask}).value();
+    // The calm run edits nothing meanwhile either.
+    const History calm = run(ExecutorKind::in_place, zygote, seed, 30, -1);
+    const History stormy = run(ExecutorKind::process, zygote, seed, 30, 5);
+    EXPECT_EQ(calm.fingerprints, stormy.fingerprints) << seed;
+    EXPECT_GT(stormy.restarts, 0);
+  }
+}
+
+// C5, R2: what the owner set or fixed while the solve was under way stays.
+TEST(SolveBeside, DoesNotOverwriteWhatItsOwnerSetOrFixedMeanwhile) {
+  Zygote zygote = Zygote::start({&SolveBeside::kTask}).value();
+  for (const ExecutorKind kind : {ExecutorKind::in_place, ExecutorKind::process}) {
+    Graph graph;
+    GraphEdit edit = graph.edit();
+    std::vector<VariableId<Point3d>> p;
+    for (int i = 0; i < 3; ++i) {
+      p.push_back(edit.add(Point3d{{{0.0, 0.0, 0.0}}}));
+      edit.add(Prior<Point3d>{{{{1.0, 1.0, 1.0}}}}, Sigma(0.1), p.back());
+    }
+    ASSERT_TRUE(graph.apply(edit));
+    ExecutorOptions options;
+    options.zygote = &zygote;
+    auto beside = std::move(SolveBeside::start(graph, kind, options).value());
+    ASSERT_TRUE(beside.submit({}));
+    GraphEdit meanwhile = graph.edit();
+    meanwhile.set(p[0], Point3d{{{5.0, 5.0, 5.0}}});
+    meanwhile.fix(p[1]);
+    ASSERT_TRUE(graph.apply(meanwhile));
+    ASSERT_EQ(beside.write_back().status, JobStatus::done);
+    EXPECT_EQ(graph.value(p[0]).p[0], 5.0);
+    EXPECT_EQ(graph.value(p[1]).p[0], 0.0);
+    EXPECT_NEAR(graph.value(p[2]).p[0], 1.0, 1e-6);
+    ASSERT_TRUE(beside.submit({}));  // and the worker knows
+    ASSERT_EQ(beside.write_back().status, JobStatus::done);
+    EXPECT_NEAR(graph.value(p[0]).p[0], 1.0, 1e-6);
+    EXPECT_EQ(graph.value(p[1]).p[0], 0.0);
+    EXPECT_EQ(beside.outcome().fingerprint, fingerprint(graph)) << name_of(kind);
+  }
+}
+
+TEST(SolveBeside, SaysThatItIsBusyAndWhatAFailedJobWasAbout) {
+  Zygote zygote = Zygote::start({&SolveBeside::kTask}).value();
+  testing_graph::RandomGraph origin(3);  // of types that the worker does not know
+  ASSERT_TRUE(origin.step(30));
+  ExecutorOptions options;
+  options.zygote = &zygote;
+  auto beside = std::move(SolveBeside::start(origin.graph, ExecutorKind::process, options).value());
+  ASSERT_TRUE(beside.submit({}));
+  EXPECT_EQ(beside.submit({}).status, JobStatus::busy);
+  const std::uint64_t before = fingerprint(origin.graph);
+  const JobReport failed = beside.write_back();
+  EXPECT_EQ(failed.status, JobStatus::failed) << failed;
+  EXPECT_NE(failed.message.find("test.seen_point"), std::string::npos) << failed;
+  EXPECT_EQ(fingerprint(origin.graph), before);
+}
+
+}  // namespace
+}  // namespace oriel
