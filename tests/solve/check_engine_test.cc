@@ -21,6 +21,8 @@ class Dummy final : public Engine {
  public:
   explicit Dummy(EngineContents contents) : contents_(std::move(contents)) {}
   std::string_view name() const override { return "dummy"; }
+  EngineCapabilities capabilities() const noexcept override { return {}; }
+  Result<void> sync() noexcept override { return {}; }
   Summary solve(const SolveOptions&) noexcept override { return {}; }
   double cost() noexcept override { return contents_.cost; }
   Result<EngineContents> contents() noexcept override { return contents_; }

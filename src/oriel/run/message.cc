@@ -110,7 +110,7 @@ Result<SolveOutcome> read_outcome(const Message& message) {
   get(r, o.final_cost);
   for_each_field(o.state, [&](auto& x) { get(r, x); });
   get(r, o.fingerprint);
-  if (!r.at_end() || reason > static_cast<std::uint8_t>(Reason::not_finite))
+  if (!r.at_end() || reason > static_cast<std::uint8_t>(Reason::refused))
     return damaged("the outcome of a solve is not valid");
   o.reason = static_cast<Reason>(reason);
   return o;

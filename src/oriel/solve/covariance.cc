@@ -1,47 +1,26 @@
 // Marginal covariance of some variables: their part of the inverse of the undamped H at the graph's values, column by
 // column through the same elimination as a step (unit right-hand sides).
 #include <algorithm>
-#include <cmath>
 
 #include "oriel/solve/native_engine.h"
 
 namespace oriel {
 namespace {
 
-// Where a variable stands in a step, or an error for an id that does not resolve.
-Result<Target> find_target(const Graph& graph, const LinearStructure& structure, VariableKey id) {
-  for (std::size_t p = 0; p < graph.pools().size(); ++p) {
+// Where each scalar of the variables, which are in the graph, stands in a step; -1: fixed, known for certain.
+void find_scalars(const Graph& graph, const LinearStructure& structure, std::span<const VariableKey> ids,
+                  std::vector<int>& out) {
+  out.clear();
+  for (const VariableKey& id : ids) {
+    std::size_t p = 0;
+    while (graph.pools()[p]->ops().key != id.type) ++p;
     const VariablePool& pool = *graph.pools()[p];
-    if (pool.ops().key != id.type) continue;
-    const std::uint32_t dense = pool.slots().find(id.key);
-    if (dense != SlotIndex::kNone) return structure.target(p, dense);
+    const Target target = structure.target(p, pool.slots().find(id.key));
+    for (int k = 0; k < pool.ops().dim; ++k) out.push_back(target.kind == Target::Kind::fixed ? -1 : target.offset + k);
   }
-  return Error{ErrorCode::stale_id, "covariance: " + graph.describe(id) + " is not in the graph"};
-}
-
-int dim_of(const Graph& graph, VariableKey id) {
-  const VariableOps* ops = graph.find_ops(id.type);
-  return ops == nullptr ? 0 : ops->dim;
 }
 
 }  // namespace
-
-Result<std::vector<double>> NativeEngine::joint_covariance(std::span<const VariableKey> ids) noexcept {
-  std::vector<double> out;
-  if (auto ok = joint_covariance(ids, out); !ok) return ok.error();
-  return out;
-}
-
-Result<void> NativeEngine::joint_covariance(std::span<const VariableKey> ids, std::vector<double>& out) noexcept {
-  std::size_t n = 0;
-  for (const VariableKey& id : ids) {
-    if (std::count(ids.begin(), ids.end(), id) > 1)
-      return Error{ErrorCode::duplicate, "covariance: " + graph_->describe(id) + " is named twice"};
-    n += static_cast<std::size_t>(dim_of(*graph_, id));
-  }
-  out.resize(n * n);
-  return covariance_block(ids, out.data());
-}
 
 // Eliminates at the first right-hand side, which must be in place; `id` is for the words of an error.
 Result<void> NativeEngine::factor_undamped(VariableKey id) noexcept {
@@ -54,19 +33,15 @@ Result<void> NativeEngine::factor_undamped(VariableKey id) noexcept {
   return {};
 }
 
-Result<void> NativeEngine::covariance_block(std::span<const VariableKey> ids, double* out) noexcept {
+Result<void> NativeEngine::joint_covariance(std::span<const VariableKey> ids, std::vector<double>& out) noexcept {
+  const auto size = covariance_size(*graph_, ids);
+  if (!size) return size.error();
   if (failed_) return Error{ErrorCode::conflict, "covariance: the last solve failed, so there is none"};
   if (auto ok = linearize(linearizer_.first_estimates); !ok) return ok;  // as the last solve did
-  std::vector<int>& scalars = covariance_scalars_;  // in a step, of each row and column; -1: fixed, known for certain
-  scalars.clear();
-  for (const VariableKey& id : ids) {
-    auto target = find_target(*graph_, structure_, id);
-    if (!target) return target.error();
-    for (int k = 0; k < dim_of(*graph_, id); ++k)
-      scalars.push_back(target->kind == Target::Kind::fixed ? -1 : target->offset + k);
-  }
-  const std::size_t n = scalars.size();
-  std::fill_n(out, n * n, 0.0);
+  std::vector<int>& scalars = covariance_scalars_;
+  find_scalars(*graph_, structure_, ids, scalars);
+  const std::size_t n = *size;
+  out.assign(n * n, 0.0);
   damping_.assign(static_cast<std::size_t>(structure_.dim()), 0.0);
   step_.resize(damping_.size());
   rhs_.resize(static_cast<std::size_t>(structure_.kept_dim()));

@@ -46,7 +46,7 @@ bool Minimizer::start() {
   {
     Stage stage(*this, summary_.seconds.structure);
     if (auto ok = e_.sync(options_); !ok) {
-      stop(Reason::not_finite, 0, 0);
+      stop(Reason::refused, 0, 0), summary_.refusal = ok.error().text();
       return false;
     }
   }

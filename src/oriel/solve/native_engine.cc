@@ -11,10 +11,23 @@ NativeEngine::~NativeEngine() = default;
 
 Summary NativeEngine::solve(const SolveOptions& options) noexcept { return Minimizer(*this, options).run(); }
 
-double NativeEngine::cost() noexcept {
+EngineCapabilities NativeEngine::capabilities() const noexcept {
+  EngineCapabilities can;
+  can.levenberg_marquardt = can.gauss_newton = can.dogleg = true;
+  can.conjugate_gradient = can.orderings = can.deadline = can.callback = can.threads = true;
+  can.losses = can.linear_priors = can.first_estimates = can.covariance = can.deterministic = true;
+  return can;  // not incremental: an edit that changes the structure has its layout made anew
+}
+
+Result<void> NativeEngine::sync() noexcept {
   SolveOptions options;
-  options.linear_solver = structure_solver_;  // any will do
-  if (!sync(options)) return HUGE_VAL;
+  options.linear_solver = structure_solver_;
+  options.ordering = structure_ordering_;
+  return sync(options);
+}
+
+double NativeEngine::cost() noexcept {
+  if (!sync()) return HUGE_VAL;
   point_.take(*graph_);
   linearizer_.evaluate(*graph_, structure_, point_, nullptr, active_, nullptr);
   return active_.total;

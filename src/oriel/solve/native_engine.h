@@ -28,26 +28,15 @@ class NativeEngine final : public Engine {
   ~NativeEngine() override;  // in the library, as are the three above: every user's program would compile them anew
 
   std::string_view name() const override { return "native"; }
+  EngineCapabilities capabilities() const noexcept override;
+  // For a solve as the last one; another linear solver or ordering makes the structure anew.
+  Result<void> sync() noexcept override;
+  using Engine::solve;
   Summary solve(const SolveOptions& options) noexcept override;
-  Summary solve() noexcept { return solve(SolveOptions{}); }
   double cost() noexcept override;
   Result<EngineContents> contents() noexcept override;
-
-  // Covariance of a variable in its tangent space at the graph's values (after a solve: at the solution), given all
-  // that the graph knows. An Error where something is undetermined, and after a solve that failed: never a stale or
-  // made-up matrix.
-  template <Manifold V>
-  Result<Mat<double, V::kDim, V::kDim>> covariance(VariableId<V> id) noexcept {
-    Mat<double, V::kDim, V::kDim> out;
-    const VariableKey ids[] = {id};
-    if (auto ok = covariance_block(ids, out.data()); !ok) return ok.error();
-    return out;
-  }
-  // The same of several variables together, each once: n × n for n the sum of their dimensions, column-major, in the
-  // order of the ids.
-  Result<std::vector<double>> joint_covariance(std::span<const VariableKey> ids) noexcept;
-  // Into memory of the caller's, which is resized: asked for again and again it needs no more.
-  Result<void> joint_covariance(std::span<const VariableKey> ids, std::vector<double>& out) noexcept;
+  using Engine::joint_covariance;
+  Result<void> joint_covariance(std::span<const VariableKey> ids, std::vector<double>& out) noexcept override;
 
   const SolverState& state() const { return state_; }
   void restore(const SolverState& state) { state_ = state; }
@@ -69,7 +58,6 @@ class NativeEngine final : public Engine {
 
   Result<void> sync(const SolveOptions& options);
   bool is_solved_by(LinearSolver solver) const;
-  Result<void> covariance_block(std::span<const VariableKey> ids, double* out) noexcept;
   Result<void> factor_undamped(VariableKey id) noexcept;
   TaskPool* pool(int threads);
   bool adopt_point();  // false: the graph refused values that are not finite

@@ -36,6 +36,8 @@ std::string Summary::reason_text() const {
       return inequality("cost after the step", ">=", "cost before");
     case Reason::not_finite:
       return "the cost or the linear system is not finite";
+    case Reason::refused:
+      return refusal;
   }
   return "";
 }
@@ -51,6 +53,7 @@ std::string Summary::left_text() const {
 }
 
 std::ostream& operator<<(std::ostream& out, const Summary& s) {
+  if (s.reason == Reason::refused) return out << "NOT solved: " << s.refusal << '\n';
   char text[512];
   std::snprintf(
       text, sizeof text,

@@ -26,6 +26,7 @@ enum class Reason {
   stopped_by_callback,  // callback() = false
   diverged,             // Gauss–Newton: cost(x ⊞ step) > cost(x)
   not_finite,           // the cost or the linear system at the start is not finite
+  refused,              // the engine cannot do what it was asked for; `refusal` says what
 };
 
 // A scalar of a variable that nothing determines (given all others).
@@ -48,6 +49,7 @@ struct StageTimes {
 struct [[nodiscard]] Summary {
   Reason reason = Reason::nothing_to_do;
   double reason_value = 0.0, reason_bound = 0.0;  // the two sides of its inequality
+  std::string refusal;                            // one line; empty unless refused
   Method method = Method::levenberg_marquardt;
   int iterations = 0, accepted = 0, rejected = 0, linearizations = 0;
   double initial_cost = 0.0;
@@ -81,7 +83,9 @@ struct [[nodiscard]] Summary {
     return reason == Reason::function_tolerance || reason == Reason::gradient_tolerance ||
            reason == Reason::step_tolerance || reason == Reason::no_descending_step || reason == Reason::nothing_to_do;
   }
-  bool failed() const { return reason == Reason::not_finite || reason == Reason::diverged; }
+  bool failed() const {
+    return reason == Reason::not_finite || reason == Reason::diverged || reason == Reason::refused;
+  }
   // "|decrease| 3.1e-12 <= 1e-09 * cost"
   std::string reason_text() const;
   // "left to gain: 0.013, by the linear model"

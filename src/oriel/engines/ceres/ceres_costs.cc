@@ -26,7 +26,7 @@ void set_block_sizes(const std::vector<Argument>& arguments, std::vector<std::in
   for (const Argument& a : arguments) {
     if (a.block < 0) continue;
     if (static_cast<int>(sizes.size()) <= a.block) sizes.resize(static_cast<std::size_t>(a.block) + 1);
-    sizes[a.block] = block_size(*a.ops);
+    sizes[a.block] = block_size(*a.variable->ops);
   }
 }
 
@@ -39,44 +39,54 @@ void clear_jacobians(const std::vector<std::int32_t>& sizes, int rows, double** 
 }  // namespace
 
 FactorCost::FactorCost(const FactorOps& ops, const void* measurement, const void* noise,
-                       std::vector<Argument> arguments)
-    : ops_(&ops), measurement_(measurement), noise_(noise), arguments_(std::move(arguments)) {
+                       std::vector<Argument> arguments, const Switches& switches)
+    : ops_(&ops),
+      measurement_(ops.measurement_bytes),
+      noise_(ops.noise_bytes),
+      arguments_(std::move(arguments)),
+      switches_(&switches) {
+  measurement_.push_back(measurement), noise_.push_back(noise);
   set_num_residuals(ops.dim);
   set_block_sizes(arguments_, *mutable_parameter_block_sizes());
   for (const Argument& a : arguments_) {
     columns_.push_back(cols_);
-    cols_ += a.ops->dim;
-    apart_ = apart_ || a.first_estimate != nullptr;
+    cols_ += a.variable->ops->dim;
   }
+}
+
+bool FactorCost::apart() const {
+  return switches_->first_estimates && std::any_of(arguments_.begin(), arguments_.end(),
+                                                   [](const Argument& a) { return a.variable->has_first_estimate; });
 }
 
 // A batch of one row: r and J point into scratch. False where the row is not valid.
 bool FactorCost::linearize(double const* const* parameters, bool jacobians, std::vector<double>& scratch,
                            const double*& r, const double*& J) const {
   std::size_t values = 0;
-  for (const Argument& a : arguments_) values += even(estimate_doubles(*a.ops));
+  for (const Argument& a : arguments_) values += even(estimate_doubles(*a.variable->ops));
   AlignedValue copies(values);
   double* copy = copies.at;
   std::vector<const void*> at(arguments_.size() * kRows), estimate(at.size());
+  const bool elsewhere = jacobians && apart();
   for (std::size_t k = 0; k < arguments_.size(); ++k) {
-    const Argument& a = arguments_[k];
-    const void* value = a.still;
-    if (a.block >= 0) {
-      std::memcpy(copy, parameters[a.block], a.ops->bytes);
+    const HeldVariable& variable = *arguments_[k].variable;
+    const void* value = variable.value.data();
+    if (arguments_[k].block >= 0) {
+      std::memcpy(copy, parameters[arguments_[k].block], variable.ops->bytes);
       value = copy;
-      copy += even(estimate_doubles(*a.ops));
+      copy += even(estimate_doubles(*variable.ops));
     }
     std::fill_n(at.begin() + static_cast<std::ptrdiff_t>(k * kRows), kRows, value);
     std::fill_n(estimate.begin() + static_cast<std::ptrdiff_t>(k * kRows), kRows,
-                a.first_estimate != nullptr ? a.first_estimate : value);
+                variable.has_first_estimate ? variable.first_estimate.data() : value);
   }
   std::array<const void*, kRows> measurement, noise;
-  measurement.fill(measurement_), noise.fill(noise_);
+  measurement.fill(measurement_.at(0)), noise.fill(noise_.at(0));
   RowPointers rows;
   rows.rows = 1;
   rows.measurement = measurement.data(), rows.noise = noise.data();
   rows.at = at.data();
-  rows.jacobian_at = jacobians && apart_ ? estimate.data() : at.data();
+  rows.jacobian_at = elsewhere ? estimate.data() : at.data();
   scratch.resize(std::size_t{kRows} * static_cast<std::size_t>(ops_->dim) * static_cast<std::size_t>(1 + cols_) + 8);
   const auto misfit = reinterpret_cast<std::uintptr_t>(scratch.data()) % 64 / sizeof(double);
   Batch batch;
@@ -90,7 +100,7 @@ bool FactorCost::linearize(double const* const* parameters, bool jacobians, std:
 bool FactorCost::valid_at(double const* const* parameters) const {
   std::vector<double> scratch;
   const double *r, *J;
-  return linearize(parameters, !apart_, scratch, r, J);  // without a finite Jacobian it is not valid either
+  return linearize(parameters, !apart(), scratch, r, J);  // without a finite Jacobian it is not valid either
 }
 
 bool FactorCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
@@ -109,34 +119,39 @@ void FactorCost::add_jacobians(const double* J, double** jacobians) const {
   for (std::size_t k = 0; k < arguments_.size(); ++k) {
     const Argument& a = arguments_[k];
     if (a.block < 0 || jacobians[a.block] == nullptr) continue;
-    const int stride = block_size(*a.ops);
-    for (int c = 0; c < a.ops->dim; ++c)
+    const int stride = block_size(*a.variable->ops), dim = a.variable->ops->dim;
+    for (int c = 0; c < dim; ++c)
       for (int i = 0; i < ops_->dim; ++i)
         jacobians[a.block][i * stride + c] += J[((columns_[k] + c) * ops_->dim + i) * kRows];
   }
 }
 
-PriorCost::PriorCost(const LinearPriorView& numbers, const double* estimates, std::vector<Argument> arguments)
-    : numbers_(numbers), arguments_(std::move(arguments)) {
-  set_num_residuals(numbers.rows);
+PriorCost::PriorCost(std::span<const double> block, std::vector<Argument> arguments)
+    : block_(block.begin(), block.end()), arguments_(std::move(arguments)) {
   set_block_sizes(arguments_, *mutable_parameter_block_sizes());
-  int column = 0;
+  const double* at = block_.data();
   for (const Argument& a : arguments_) {
-    columns_.push_back(column);
-    estimates_.push_back(estimates);
-    column += a.ops->dim;
-    estimates += estimate_doubles(*a.ops);
+    columns_.push_back(numbers_.cols);
+    estimates_.push_back(at);
+    numbers_.cols += a.variable->ops->dim;
+    at += estimate_doubles(*a.variable->ops);
   }
+  const auto rest = block_.data() + block_.size() - at;  // d and R: rows (1 + cols)
+  numbers_.rows = static_cast<int>(rest / (1 + numbers_.cols));
+  numbers_.d = at;
+  numbers_.R = at + numbers_.rows;
+  set_num_residuals(numbers_.rows);
 }
 
 bool PriorCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   std::vector<double> error(static_cast<std::size_t>(numbers_.cols));
   for (std::size_t k = 0; k < arguments_.size(); ++k) {
     const Argument& a = arguments_[k];
-    AlignedValue x(estimate_doubles(*a.ops)), origin(estimate_doubles(*a.ops));
-    std::memcpy(x.at, a.block >= 0 ? parameters[a.block] : a.still, a.ops->bytes);
-    std::memcpy(origin.at, estimates_[k], a.ops->bytes);
-    a.ops->minus(x.at, origin.at, error.data() + columns_[k]);
+    const VariableOps& ops = *a.variable->ops;
+    AlignedValue x(estimate_doubles(ops)), origin(estimate_doubles(ops));
+    std::memcpy(x.at, a.block >= 0 ? parameters[a.block] : a.variable->value.data(), ops.bytes);
+    std::memcpy(origin.at, estimates_[k], ops.bytes);
+    ops.minus(x.at, origin.at, error.data() + columns_[k]);
   }
   evaluate_prior(numbers_, error.data(), residuals);
   if (jacobians == nullptr) return true;
@@ -144,8 +159,8 @@ bool PriorCost::Evaluate(double const* const* parameters, double* residuals, dou
   for (std::size_t k = 0; k < arguments_.size(); ++k) {
     const Argument& a = arguments_[k];
     if (a.block < 0 || jacobians[a.block] == nullptr) continue;
-    const int stride = block_size(*a.ops);
-    for (int c = 0; c < a.ops->dim; ++c)
+    const int stride = block_size(*a.variable->ops), dim = a.variable->ops->dim;
+    for (int c = 0; c < dim; ++c)
       for (int i = 0; i < numbers_.rows; ++i)
         jacobians[a.block][i * stride + c] +=
             numbers_.R[static_cast<std::size_t>(columns_[k] + c) * static_cast<std::size_t>(numbers_.rows) + i];

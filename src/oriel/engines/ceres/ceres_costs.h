@@ -13,45 +13,64 @@ namespace oriel::ceres_detail {
 // Doubles of a value as a parameter block; at least as many as its tangent has, for [I; 0] to exist.
 inline int block_size(const VariableOps& ops) { return std::max(static_cast<int>(estimate_doubles(ops)), ops.dim); }
 
-// A variable as cost functions see it: a parameter block, or memory that does not move (fixed values, constants).
-struct Argument {
+// A variable of the graph in memory that stands still as long as it lives: the parameter block of what has a tangent,
+// and what cost functions read of constants and of first estimates.
+struct HeldVariable {
   const VariableOps* ops = nullptr;
-  int block = -1;                        // of the cost function's parameter blocks; -1: none
-  const void* still = nullptr;           // where block is -1
-  const void* first_estimate = nullptr;  // where Jacobians are taken, if there is one
+  SlotKey key;
+  std::uint64_t serial = 0;
+  bool fixed = false, has_first_estimate = false;
+  std::vector<double> value, first_estimate;  // block_size each
+};
+
+// A variable as cost functions see it.
+struct Argument {
+  const HeldVariable* variable = nullptr;
+  int block = -1;  // of the cost function's parameter blocks; -1: a constant
+};
+
+// What holds for all factors in one solve.
+struct Switches {
+  bool first_estimates = true;  // Jacobians are taken there; before any solve as in one with no options
 };
 
 class FactorCost final : public ceres::CostFunction {
  public:
-  // The row's memory must outlive this. Arguments with the same block are one variable named twice.
-  FactorCost(const FactorOps& ops, const void* measurement, const void* noise, std::vector<Argument> arguments);
+  // Copies the measurement and the noise. Arguments with the same block are one variable named twice.
+  FactorCost(const FactorOps& ops, const void* measurement, const void* noise, std::vector<Argument> arguments,
+             const Switches& switches);
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
   // From now on a step to where the factor is not valid is refused; a factor that is invalid already never counts.
   void freeze(bool valid) { state_ = valid ? State::active : State::excluded; }
+  // Whether it is valid counts at each point for itself again.
+  void thaw() { state_ = State::open; }
   bool valid_at(double const* const* parameters) const;
 
  private:
   enum class State { open, active, excluded };
+  bool apart() const;  // Jacobians are taken elsewhere
   bool linearize(double const* const* parameters, bool jacobians, std::vector<double>& scratch, const double*& r,
                  const double*& J) const;
   void add_jacobians(const double* J, double** jacobians) const;
 
   const FactorOps* ops_;
-  const void *measurement_, *noise_;
+  ByteColumn measurement_, noise_;  // of one
   std::vector<Argument> arguments_;
+  const Switches* switches_;
   std::vector<int> columns_;  // of each argument in the Jacobian
   int cols_ = 0;
-  bool apart_ = false;  // Jacobians are taken elsewhere
   State state_ = State::open;
 };
 
 // r = d + R (x ⊟ x̂); its Jacobian is R.
 class PriorCost final : public ceres::CostFunction {
  public:
-  PriorCost(const LinearPriorView& numbers, const double* estimates, std::vector<Argument> arguments);
+  // `block` as PriorTable lays it out: x̂, d, R; it is copied.
+  PriorCost(std::span<const double> block, std::vector<Argument> arguments);
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  private:
+  std::vector<double> block_;
   LinearPriorView numbers_;
   std::vector<Argument> arguments_;
   std::vector<int> columns_;
@@ -75,7 +94,7 @@ class PoolManifold final : public ceres::Manifold {
 // ρ and ρ' of a Loss. ρ'' is given as 0: then Ceres scales rows by √ρ' and corrects nothing, as the native engine does.
 class TableLoss final : public ceres::LossFunction {
  public:
-  explicit TableLoss(const Loss& loss) : loss_(loss) {}
+  void set(const Loss& loss) { loss_ = loss; }
   void Evaluate(double s, double rho[3]) const override {
     const auto v = evaluate_loss(loss_, s);
     rho[0] = v.rho, rho[1] = v.weight, rho[2] = 0.0;

@@ -10,39 +10,47 @@ namespace {
 
 using ceres_detail::CeresProblem;
 
-double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+double now(const SolveOptions& options) {
+  if (options.clock) return options.clock();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
-// Ceres's iterations as ours: the trace, the callback, and what the last one looked like.
+// Ceres's iterations as ours: the trace, the callback, what ends a solve that Ceres would go on with, and what the last
+// one looked like.
 class Reporter final : public ceres::IterationCallback {
  public:
+  enum class End { none, callback, deadline, diverged };
+
   Reporter(const SolveOptions& options, double began, Summary& summary)
       : options_(options), began_(began), summary_(summary) {}
 
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& s) override {
-    const IterationReport report{s.iteration,
-                                 now() - began_,
-                                 s.cost,
-                                 s.gradient_max_norm,
-                                 1.0 / s.trust_region_radius,
-                                 s.trust_region_radius,
-                                 s.step_is_successful || s.iteration == 0};
-    if (options_.trace) summary_.trace.push_back(report);
+    seconds_ = now(options_) - began_;
     last_ = s;
-    if (options_.callback && !options_.callback(report)) {
-      stopped_ = true;
-      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
-    }
-    return ceres::SOLVER_CONTINUE;
+    const bool accepted = s.step_is_successful || s.iteration == 0;
+    const IterationReport report{
+        s.iteration,           seconds_, s.cost, s.gradient_max_norm, 1.0 / s.trust_region_radius,
+        s.trust_region_radius, accepted};
+    if (options_.trace) summary_.trace.push_back(report);
+    if (options_.callback && !options_.callback(report))
+      end_ = End::callback;
+    else if (options_.method == Method::gauss_newton && !accepted)
+      end_ = End::diverged;
+    else if (options_.deadline.ns > 0 && seconds_ > options_.deadline.seconds())
+      end_ = End::deadline;
+    return end_ == End::none ? ceres::SOLVER_CONTINUE : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
   }
   const ceres::IterationSummary& last() const { return last_; }
-  bool stopped() const { return stopped_; }
+  End end() const { return end_; }
+  double seconds() const { return seconds_; }
 
  private:
   const SolveOptions& options_;
   double began_;
   Summary& summary_;
   ceres::IterationSummary last_;
-  bool stopped_ = false;
+  End end_ = End::none;
+  double seconds_ = 0.0;  // of the last one
 };
 
 // The damping that the native engine begins with where the caller leaves it to the engine (solve/options.h).
@@ -65,8 +73,8 @@ ceres::Solver::Options ceres_options(const SolveOptions& options, bool landmarks
   o.num_threads = options.threads;
   o.function_tolerance = options.function_tolerance;
   o.gradient_tolerance = options.gradient_tolerance;
-  o.parameter_tolerance = 0.0;  // relative in Ceres, which ours is not
-  if (options.deadline.ns > 0) o.max_solver_time_in_seconds = options.deadline.seconds();
+  o.parameter_tolerance = 0.0;         // relative in Ceres, which ours is not
+  o.max_solver_time_in_seconds = 1e9;  // the reporter looks at the clock that was asked for
   o.logging_type = ceres::SILENT;
   return o;
 }
@@ -77,22 +85,26 @@ void set_reason(Summary& s, Reason reason, double value, double bound) {
 
 // Ceres says why it stopped in a sentence alone; the numbers are looked at instead.
 void explain(const SolveOptions& options, const ceres::Solver::Summary& c, const Reporter& reporter, Summary& s) {
+  using End = Reporter::End;
   const ceres::IterationSummary& last = reporter.last();
   const double cost = c.final_cost;
+  const bool converged = c.termination_type == ceres::CONVERGENCE;
   if (c.termination_type == ceres::FAILURE || !std::isfinite(cost))
     set_reason(s, Reason::not_finite, c.initial_cost, 0.0);
-  else if (reporter.stopped())
+  else if (reporter.end() == End::callback)
     set_reason(s, Reason::stopped_by_callback, 0.0, 0.0);
-  else if (c.termination_type == ceres::CONVERGENCE && last.gradient_max_norm <= options.gradient_tolerance)
+  else if (reporter.end() == End::deadline)
+    set_reason(s, Reason::deadline, reporter.seconds(), options.deadline.seconds());
+  else if (reporter.end() == End::diverged)
+    set_reason(s, Reason::diverged, cost - last.cost_change, cost);
+  else if (converged && last.gradient_max_norm <= options.gradient_tolerance)
     set_reason(s, Reason::gradient_tolerance, last.gradient_max_norm, options.gradient_tolerance);
-  else if (c.termination_type == ceres::CONVERGENCE && std::fabs(last.cost_change) <= options.function_tolerance * cost)
+  else if (converged && std::fabs(last.cost_change) <= options.function_tolerance * cost)
     set_reason(s, Reason::function_tolerance, std::fabs(last.cost_change), options.function_tolerance * cost);
-  else if (c.termination_type == ceres::CONVERGENCE)
+  else if (converged)
     set_reason(s, Reason::no_descending_step, 1.0 / last.trust_region_radius, 1e32);
-  else if (s.iterations >= options.max_iterations)
-    set_reason(s, Reason::max_iterations, s.iterations, options.max_iterations);
   else
-    set_reason(s, Reason::deadline, s.seconds.total, options.deadline.seconds());
+    set_reason(s, Reason::max_iterations, s.iterations, options.max_iterations);
 }
 
 void copy_figures(const ceres::Solver::Summary& c, Summary& s) {
@@ -111,42 +123,85 @@ void copy_figures(const ceres::Solver::Summary& c, Summary& s) {
 
 }  // namespace
 
+CeresEngine::CeresEngine(Graph& graph)
+    : graph_(&graph), subscription_(graph.subscribe()), problem_(std::make_unique<CeresProblem>()) {}
+
+CeresEngine::~CeresEngine() { graph_->unsubscribe(subscription_); }
+
+EngineCapabilities CeresEngine::capabilities() const noexcept {
+  EngineCapabilities can;
+  can.levenberg_marquardt = can.gauss_newton = can.dogleg = can.deadline = can.callback = can.threads = true;
+  can.losses = can.linear_priors = can.first_estimates = can.covariance = can.incremental = true;
+  return can;
+}
+
+Result<void> CeresEngine::sync() noexcept {
+  if (seen_version_ == graph_->version()) return {};
+  graph_->collect(subscription_, net_);
+  problem_->apply(net_);
+  problem_->take_values(*graph_);
+  seen_version_ = graph_->version();
+  return {};
+}
+
 Summary CeresEngine::solve(const SolveOptions& options) noexcept {
-  const double began = now();
+  const double began = now(options);
+  if (auto ok = can_solve(*this, *graph_, options); !ok) {
+    failed_ = true;
+    return refused(options, ok.error());
+  }
+  (void)sync();                                     // it never fails
+  const std::uint64_t version = graph_->version();  // what the user sets from now on (in a callback) is newer (C5)
   Summary s;
   s.method = options.method;
-  CeresProblem problem(*graph_, options.first_estimates);
-  problem.freeze();
-  s.factors = problem.factors();
-  s.invalid_factors = problem.invalid();
-  s.kept_dim = problem.dim();
-  if (problem.dim() == 0 || s.factors == 0) {
-    s.initial_cost = s.final_cost = s.fresh_cost = problem.cost();
+  const CeresProblem::Size size = problem_->size();
+  s.factors = size.factors, s.kept_dim = size.dim;
+  s.invalid_factors = problem_->freeze(options.first_estimates);
+  failed_ = false;
+  if (size.dim == 0 || size.factors == 0) {
+    problem_->thaw();
+    s.initial_cost = s.final_cost = s.fresh_cost = problem_->cost();
     return s;
   }
-  ceres::Solver::Options o = ceres_options(options, problem.has_landmarks());
+  ceres::Solver::Options o = ceres_options(options, size.has_landmarks);
   Reporter reporter(options, began, s);
   o.callbacks.push_back(&reporter);
   ceres::Solver::Summary c;
-  ceres::Solve(o, &problem.problem(), &c);
+  ceres::Solve(o, &problem_->problem(), &c);
+  problem_->thaw();
   copy_figures(c, s);
   s.gradient = reporter.last().gradient_max_norm;
   s.lambda = 1.0 / reporter.last().trust_region_radius;
-  s.seconds.total = now() - began;
   explain(options, c, reporter, s);
-  if (!s.failed()) (void)graph_->adopt(problem.solution(*graph_));
+  if (!s.failed() && !graph_->adopt(problem_->solution(version))) set_reason(s, Reason::not_finite, s.final_cost, 0.0);
+  failed_ = s.failed();
+  if (failed_) s.final_cost = s.initial_cost;
+  seen_version_ = ~std::uint64_t{0};  // the problem has values of its own now
   s.fresh_cost = cost();
-  s.seconds.total = now() - began;
+  s.seconds.total = now(options) - began;
   return s;
 }
 
-double CeresEngine::cost() noexcept { return CeresProblem(*graph_, false).cost(); }
+double CeresEngine::cost() noexcept {
+  (void)sync();
+  return problem_->cost();
+}
 
 Result<EngineContents> CeresEngine::contents() noexcept {
-  CeresProblem problem(*graph_, false);
-  EngineContents out = problem.contents(*graph_);
-  out.cost = problem.cost();
+  (void)sync();
+  EngineContents out = problem_->contents();
+  out.cost = problem_->cost();
   return out;
+}
+
+Result<void> CeresEngine::joint_covariance(std::span<const VariableKey> ids, std::vector<double>& out) noexcept {
+  const auto size = covariance_size(*graph_, ids);
+  if (!size) return size.error();
+  if (failed_) return Error{ErrorCode::conflict, "covariance: the last solve failed, so there is none"};
+  (void)sync();
+  if (problem_->covariance(ids, *size, out)) return {};
+  return Error{ErrorCode::singular, "covariance of " + graph_->describe(ids[0]) +
+                                        ": some direction of the graph is determined by nothing (so Ceres's QR finds)"};
 }
 
 }  // namespace oriel

@@ -1,85 +1,197 @@
 #include "oriel/engines/ceres/ceres_problem.h"
 
 #include <algorithm>
+#include <unordered_map>
 
 namespace oriel::ceres_detail {
+namespace {
 
-CeresProblem::CeresProblem(const Graph& graph, bool first_estimates) {
-  ceres::Problem::Options own;
-  own.loss_function_ownership = own.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  problem_ = std::make_unique<ceres::Problem>(own);
-  add_variables(graph);
-  add_factors(graph, first_estimates);
-  add_priors(graph);
+// Columns of an edit stand in an order that its memory has from other edits; serials are the graph's own.
+template <class Item>
+void sort_by_serial(std::vector<std::pair<std::uint64_t, Item>>& items) {
+  std::sort(items.begin(), items.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
 }
 
-void CeresProblem::add_variables(const Graph& graph) {
-  const auto& pools = graph.pools();
-  values_.resize(pools.size());
-  for (std::size_t p = 0; p < pools.size(); ++p) {
-    const VariablePool& pool = *pools[p];
-    const VariableOps& ops = pool.ops();
-    manifolds_.push_back(std::make_unique<PoolManifold>(ops));
-    if (ops.dim == 0) continue;
-    const int size = block_size(ops);
-    values_[p].assign(static_cast<std::size_t>(size) * pool.extent(), 0.0);
-    for (std::uint32_t d = 0; d < pool.extent(); ++d) {
-      if (!pool.slots().is_live(d) || pool.fixed(d)) continue;
-      double* block = &values_[p][static_cast<std::size_t>(size) * d];
-      std::memcpy(block, pool.value(d), ops.bytes);
-      problem_->AddParameterBlock(block, size, manifolds_[p].get());
-      dim_ += ops.dim;
-      has_landmarks_ = has_landmarks_ || ops.landmark;
-    }
+}  // namespace
+
+CeresProblem::CeresProblem() {
+  ceres::Problem::Options own;
+  own.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  own.loss_function_ownership = own.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  own.enable_fast_removal = true;
+  problem_ = std::make_unique<ceres::Problem>(own);
+}
+
+CeresProblem::Pool* CeresProblem::find_pool(std::uint64_t type) const {
+  for (const auto& p : pools_)
+    if (p->ops->key == type) return p.get();
+  return nullptr;
+}
+
+CeresProblem::Pool& CeresProblem::pool(const VariableOps& ops) {
+  if (Pool* known = find_pool(ops.key)) return *known;
+  pools_.push_back(std::make_unique<Pool>(ops));
+  return *pools_.back();
+}
+
+CeresProblem::Table& CeresProblem::table(std::uint64_t key) {
+  for (const auto& t : tables_)
+    if (t->key == key) return *t;
+  tables_.push_back(std::make_unique<Table>());
+  tables_.back()->key = key;
+  return *tables_.back();
+}
+
+HeldVariable* CeresProblem::find(VariableKey id) const {
+  const Pool* p = find_pool(id.type);
+  return p == nullptr ? nullptr : p->variables.find(id.key);
+}
+
+void CeresProblem::apply(const GraphEdit& net) {
+  remove_factors(net);
+  remove_variables(net);
+  add_variables(net);
+  add_factors(net);
+  set_flags(net);
+}
+
+// Ceres puts the last in the place of what leaves, so the order of leaving is one of its order afterwards.
+void CeresProblem::remove_factors(const GraphEdit& net) {
+  std::vector<std::pair<std::uint64_t, std::pair<Table*, SlotKey>>> leaving;
+  const auto leave = [&](std::uint64_t key, const std::vector<SlotKey>& removed) {
+    Table& from = table(key);
+    for (const SlotKey k : removed)
+      if (const HeldFactor* f = from.factors.find(k)) leaving.push_back({f->serial, {&from, k}});
+  };
+  for (const auto& c : net.factor_columns()) leave(c->ops->key, c->removed);
+  leave(PriorTable::kKey, net.priors().removed);
+  sort_by_serial(leaving);
+  for (const auto& [serial, factor] : leaving) {
+    problem_->RemoveResidualBlock(factor.first->factors.find(factor.second)->block);
+    factor.first->factors.erase(factor.second);
   }
 }
 
+void CeresProblem::remove_variables(const GraphEdit& net) {
+  std::vector<std::pair<std::uint64_t, HeldVariable*>> leaving;
+  for (const auto& c : net.variable_columns())
+    for (const SlotKey k : c->removed)
+      if (HeldVariable* v = pool(*c->ops).variables.find(k)) leaving.emplace_back(v->serial, v);
+  sort_by_serial(leaving);
+  for (const auto& [serial, v] : leaving) {
+    if (v->ops->dim > 0) problem_->RemoveParameterBlock(v->value.data());
+    pool(*v->ops).variables.erase(v->key);
+  }
+}
+
+void CeresProblem::add_variables(const GraphEdit& net) {
+  std::vector<std::pair<std::uint64_t, std::pair<const edit::Variables*, std::size_t>>> coming;
+  for (const auto& c : net.variable_columns())
+    for (std::size_t i = 0; i < c->added.size(); ++i) coming.push_back({c->added[i].serial, {c.get(), i}});
+  sort_by_serial(coming);
+  for (const auto& [serial, at] : coming) add_variable(*at.first, at.second);
+}
+
+void CeresProblem::add_variable(const edit::Variables& column, std::size_t i) {
+  const edit::AddedVariable& a = column.added[i];
+  Pool& p = pool(*column.ops);
+  const auto size = static_cast<std::size_t>(block_size(*p.ops));
+  HeldVariable& v = p.variables.add(a.key);
+  v.ops = p.ops, v.serial = a.serial, v.fixed = a.fixed, v.has_first_estimate = a.has_first_estimate;
+  v.value.assign(size, 0.0), v.first_estimate.assign(size, 0.0);
+  std::memcpy(v.value.data(), column.values.at(i), p.ops->bytes);
+  if (a.has_first_estimate) std::memcpy(v.first_estimate.data(), column.first_estimates.at(i), p.ops->bytes);
+  if (p.ops->dim == 0) return;
+  problem_->AddParameterBlock(v.value.data(), static_cast<int>(size), &p.manifold);
+  if (v.fixed) problem_->SetParameterBlockConstant(v.value.data());
+}
+
+void CeresProblem::add_factors(const GraphEdit& net) {
+  std::vector<std::pair<std::uint64_t, std::pair<const edit::Factors*, std::size_t>>> coming;  // null: a prior
+  for (const auto& c : net.factor_columns())
+    for (std::size_t i = 0; i < c->added.size(); ++i) coming.push_back({c->added[i].serial, {c.get(), i}});
+  for (std::size_t i = 0; i < net.priors().added.size(); ++i)
+    coming.push_back({net.priors().added[i].serial, {nullptr, i}});
+  sort_by_serial(coming);
+  for (const auto& [serial, at] : coming)
+    if (at.first != nullptr)
+      add_factor(*at.first, at.second);
+    else
+      add_prior(net.priors(), at.second);
+}
+
 // A variable of a row, and its block among those that the cost function has so far.
-Argument CeresProblem::argument(const Graph& graph, const VariableRef& ref, bool first_estimates,
-                                std::vector<double*>& blocks) const {
-  const VariablePool& pool = *graph.pools()[ref.pool];
-  const std::uint32_t d = pool.slots().dense(ref.slot);
-  Argument a{&pool.ops(), -1, pool.value(d), nullptr};
-  if (first_estimates && pool.has_first_estimate(d)) a.first_estimate = pool.first_estimate(d);
-  if (pool.ops().dim == 0 || pool.fixed(d)) return a;
-  auto* block = const_cast<double*>(&values_[ref.pool][static_cast<std::size_t>(block_size(pool.ops())) * d]);
+Argument CeresProblem::argument(VariableKey id, std::vector<double*>& blocks) const {
+  HeldVariable* v = find(id);
+  check(v != nullptr, "CeresProblem: a factor of a variable that the graph never told of");
+  if (v->ops->dim == 0) return {v, -1};
+  double* block = v->value.data();
   const auto known = std::find(blocks.begin(), blocks.end(), block);
-  a.block = static_cast<int>(known - blocks.begin());
+  const Argument a{v, static_cast<int>(known - blocks.begin())};
   if (known == blocks.end()) blocks.push_back(block);
   return a;
 }
 
-ceres::LossFunction* CeresProblem::loss(const Loss& loss) {
-  if (loss.kind == LossKind::none) return nullptr;
-  losses_.push_back(std::make_unique<TableLoss>(loss));
-  return losses_.back().get();
+void CeresProblem::add_factor(const edit::Factors& column, std::size_t i) {
+  const FactorOps& ops = *column.ops;
+  HeldFactor& f = table(ops.key).factors.add(column.added[i].key);
+  f.serial = column.added[i].serial;
+  std::vector<Argument> arguments;
+  for (std::size_t k = 0; k < ops.variables.size(); ++k)
+    arguments.push_back(argument({ops.variables[k]->key, column.variables[i * ops.variables.size() + k]}, f.blocks));
+  auto cost = std::make_unique<FactorCost>(ops, column.measurements.at(i), column.noises.at(i), std::move(arguments),
+                                           switches_);
+  f.factor = cost.get();
+  f.cost = std::move(cost);
+  f.loss = std::make_unique<TableLoss>();  // of those without as well: a loss may be set later
+  f.loss->set(column.added[i].loss);
+  f.block = problem_->AddResidualBlock(f.cost.get(), f.loss.get(), f.blocks);
 }
 
-void CeresProblem::add_factors(const Graph& graph, bool first_estimates) {
-  for (const auto& table : graph.tables())
-    for (std::uint32_t row = 0; row < table->extent(); ++row) {
-      if (!table->slots().is_live(row)) continue;
-      Factor factor;
-      std::vector<Argument> arguments;
-      for (const VariableRef& ref : table->variables(row))
-        arguments.push_back(argument(graph, ref, first_estimates, factor.blocks));
-      factor.cost = new FactorCost(table->ops(), table->measurement(row), table->noise(row), std::move(arguments));
-      residuals_.emplace(problem_->AddResidualBlock(factor.cost, loss(table->loss(row)), factor.blocks),
-                         FactorId{table->ops().key, table->slots().key(row)});
-      factors_.push_back(std::move(factor));
+void CeresProblem::add_prior(const edit::Priors& priors, std::size_t i) {
+  const edit::AddedPrior& a = priors.added[i];
+  HeldFactor& f = table(PriorTable::kKey).factors.add(a.key);
+  f.serial = a.serial;
+  std::vector<Argument> arguments;
+  for (std::uint32_t k = 0; k < a.variable_count; ++k)
+    arguments.push_back(argument(priors.variables[a.variables + k], f.blocks));
+  f.cost = std::make_unique<PriorCost>(std::span(priors.numbers).subspan(a.block, a.block_size), std::move(arguments));
+  f.block = problem_->AddResidualBlock(f.cost.get(), nullptr, f.blocks);
+}
+
+// Values come with take_values.
+void CeresProblem::set_flags(const GraphEdit& net) {
+  for (const auto& c : net.variable_columns()) {
+    for (std::size_t i = 0; i < c->set.size(); ++i) {
+      HeldVariable* v = pool(*c->ops).variables.find(c->set[i].first);
+      if (v == nullptr || c->set[i].second != edit::SetKind::first_estimate) continue;
+      std::memcpy(v->first_estimate.data(), c->set_values.at(i), c->ops->bytes);
+      v->has_first_estimate = true;
     }
+    for (const auto& [key, fixed] : c->fixed) {
+      HeldVariable* v = pool(*c->ops).variables.find(key);
+      if (v == nullptr || v->fixed == fixed) continue;
+      v->fixed = fixed;
+      if (c->ops->dim == 0) continue;
+      if (fixed)
+        problem_->SetParameterBlockConstant(v->value.data());
+      else
+        problem_->SetParameterBlockVariable(v->value.data());
+    }
+  }
+  for (const auto& c : net.factor_columns())
+    for (const auto& [key, loss] : c->losses)
+      if (const HeldFactor* f = table(c->ops->key).factors.find(key)) f->loss->set(loss);
 }
 
-void CeresProblem::add_priors(const Graph& graph) {
-  const PriorTable& table = graph.priors();
-  for (std::uint32_t row = 0; row < table.extent(); ++row) {
-    if (!table.slots().is_live(row)) continue;
-    std::vector<double*> blocks;
-    std::vector<Argument> arguments;
-    for (const VariableRef& ref : table.variables(row)) arguments.push_back(argument(graph, ref, false, blocks));
-    auto* cost = new PriorCost(table.numbers(row), table.estimates(row), std::move(arguments));
-    residuals_.emplace(problem_->AddResidualBlock(cost, nullptr, blocks),
-                       FactorId{PriorTable::kKey, table.slots().key(row)});
+void CeresProblem::take_values(const Graph& graph) {
+  for (const auto& from : graph.pools()) {
+    const Pool* to = find_pool(from->ops().key);
+    if (to == nullptr) continue;  // no variable of it yet
+    for (std::uint32_t d = 0; d < from->extent(); ++d)
+      if (from->slots().is_live(d))
+        if (HeldVariable* v = to->variables.find(from->slots().key(d)))
+          std::memcpy(v->value.data(), from->value(d), to->ops->bytes);
   }
 }
 
@@ -89,55 +201,78 @@ double CeresProblem::cost() {
   return cost;
 }
 
-void CeresProblem::freeze() {
-  invalid_ = 0;
-  for (Factor& f : factors_) {
-    const bool valid = f.cost->valid_at(f.blocks.data());
-    f.cost->freeze(valid);
-    invalid_ += !valid;
-  }
+std::int64_t CeresProblem::freeze(bool first_estimates) {
+  switches_.first_estimates = first_estimates;
+  std::int64_t invalid = 0;
+  for (const auto& t : tables_)
+    t->factors.for_each([&invalid](const HeldFactor& f) {
+      if (f.factor == nullptr) return;
+      const bool valid = f.factor->valid_at(f.blocks.data());
+      f.factor->freeze(valid);
+      invalid += !valid;
+    });
+  return invalid;
 }
 
-Solution CeresProblem::solution(const Graph& graph) const {
+void CeresProblem::thaw() {
+  for (const auto& t : tables_)
+    t->factors.for_each([](const HeldFactor& f) {
+      if (f.factor != nullptr) f.factor->thaw();
+    });
+}
+
+CeresProblem::Size CeresProblem::size() const {
+  Size size;
+  for (const auto& p : pools_)
+    p->variables.for_each([&](const HeldVariable& v) {
+      if (v.fixed) return;
+      size.dim += v.ops->dim;
+      size.has_landmarks = size.has_landmarks || v.ops->landmark;
+    });
+  size.factors = problem_->NumResidualBlocks();
+  return size;
+}
+
+Solution CeresProblem::solution(std::uint64_t version) const {
   Solution solution;
-  solution.version = graph.version();
-  for (std::size_t p = 0; p < values_.size(); ++p) {
-    const VariablePool& pool = *graph.pools()[p];
-    if (values_[p].empty()) continue;
-    Solution::Column column{&pool.ops(), {}, ByteColumn(pool.ops().bytes)};
-    for (std::uint32_t d = 0; d < pool.extent(); ++d) {
-      if (!pool.slots().is_live(d) || pool.fixed(d)) continue;
-      column.keys.push_back(pool.slots().key(d));
-      column.values.push_back(&values_[p][static_cast<std::size_t>(block_size(pool.ops())) * d]);
-    }
+  solution.version = version;
+  for (const auto& p : pools_) {
+    if (p->ops->dim == 0) continue;
+    Solution::Column column{p->ops, {}, ByteColumn(p->ops->bytes)};
+    p->variables.for_each([&column](const HeldVariable& v) {
+      if (v.fixed) return;
+      column.keys.push_back(v.key);
+      column.values.push_back(v.value.data());
+    });
     solution.columns.push_back(std::move(column));
   }
   return solution;
 }
 
-EngineContents CeresProblem::contents(const Graph& graph) const {
+EngineContents CeresProblem::contents() const {
   EngineContents out;
   std::unordered_map<const double*, VariableKey> ids;
-  for (std::size_t p = 0; p < values_.size(); ++p) {
-    const VariablePool& pool = *graph.pools()[p];
-    const auto size = static_cast<std::size_t>(block_size(pool.ops()));
-    for (std::uint32_t d = 0; d < pool.extent() && !values_[p].empty(); ++d) {
-      const double* block = &values_[p][size * d];
-      if (!problem_->HasParameterBlock(block)) continue;
-      const VariableKey id{pool.ops().key, pool.slots().key(d)};
+  for (const auto& p : pools_)
+    p->variables.for_each([&](const HeldVariable& v) {
+      const double* block = v.value.data();
+      if (!problem_->HasParameterBlock(block) || problem_->IsParameterBlockConstant(block)) return;
+      const VariableKey id{p->ops->key, v.key};
       const auto* value = reinterpret_cast<const std::byte*>(block);
-      out.parameters.push_back({id, problem_->ParameterBlockTangentSize(block), {value, value + pool.ops().bytes}});
+      out.parameters.push_back({id, problem_->ParameterBlockTangentSize(block), {value, value + p->ops->bytes}});
       ids.emplace(block, id);
-    }
-  }
+    });
+  std::unordered_map<ceres::ResidualBlockId, FactorId> factors;
+  for (const auto& t : tables_)
+    t->factors.for_each([&](const HeldFactor& f) { factors.emplace(f.block, FactorId{t->key, f.key}); });
   std::vector<ceres::ResidualBlockId> residuals;
   problem_->GetResidualBlocks(&residuals);
   std::vector<double*> blocks;
   for (const ceres::ResidualBlockId block : residuals) {
     problem_->GetParameterBlocksForResidualBlock(block, &blocks);
     EngineContents::Residual residual{
-        residuals_.at(block), problem_->GetCostFunctionForResidualBlock(block)->num_residuals(), {}};
-    for (const double* b : blocks) residual.parameters.push_back(ids.at(b));
+        factors[block], problem_->GetCostFunctionForResidualBlock(block)->num_residuals(), {}};
+    for (const double* b : blocks)
+      if (const auto id = ids.find(b); id != ids.end()) residual.parameters.push_back(id->second);
     out.residuals.push_back(std::move(residual));
   }
   return out;
