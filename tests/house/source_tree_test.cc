@@ -142,6 +142,16 @@ std::vector<std::string> long_files(const SourceTree& tree, std::size_t max_line
   return found;
 }
 
+// Lines of the first class of a file, 0 where there is none.
+std::size_t class_lines(const SourceFile& file) {
+  std::size_t first = file.lines.size();
+  for (std::size_t i = 0; i < file.lines.size(); ++i) {
+    if (first == file.lines.size() && file.lines[i].starts_with("class ")) first = i;
+    if (first < i && file.lines[i] == "};") return i - first + 1;
+  }
+  return 0;
+}
+
 // Comments like `// M3, L12` in tests, whose numbers docs/behaviours.md does not have.
 std::vector<std::string> unknown_behaviours(const SourceTree& tree, const std::string& behaviours) {
   static const std::regex numbers(R"(^\s*//\s*([VLMWCR]\d+(\s*,\s*[VLMWCR]\d+)*)\s*$)");
@@ -211,6 +221,16 @@ TEST(Files, HaveAtMostFourHundredLines) {
   const auto breaches = long_files(project_tree(), 400);
   EXPECT_TRUE(breaches.empty()) << joined(breaches);
   EXPECT_EQ(long_files({{"src/oriel/graph/graph.cc", std::vector<std::string>(401)}}, 400).size(), 1u);
+}
+
+TEST(Tutorials, OfAnEngineTakesLessThanEightyLines) {
+  const SourceTree& tree = project_tree();
+  const auto file = std::find_if(tree.begin(), tree.end(),
+                                 [](const auto& f) { return f.path == "tests/solve/custom_engine_test.cc"; });
+  ASSERT_NE(file, tree.end());
+  EXPECT_GT(class_lines(*file), 20u);
+  EXPECT_LT(class_lines(*file), 80u);
+  EXPECT_EQ(class_lines({"x.cc", {"class X {", "  struct Y {", "  };", "};", "class Z {", "};"}}), 4u);
 }
 
 TEST(Behaviours, NumbersInTestsStandInTheList) {

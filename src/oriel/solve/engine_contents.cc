@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "oriel/linear/linearize_factor.h"
+#include "oriel/solve/contents_of.h"
 #include "oriel/solve/engine.h"
 
 namespace oriel {
@@ -44,39 +45,50 @@ Result<void> compare_ids(const Graph& graph, const Items& expected, const Items&
   return {};
 }
 
-template <class Refs>
-void add_residual(const Graph& graph, FactorId id, int rows, const Refs& refs, EngineContents& out) {
-  EngineContents::Residual residual{id, rows, {}};
-  for (const VariableRef& ref : refs) {
-    const VariablePool& pool = *graph.pools()[ref.pool];
-    const std::uint32_t d = pool.slots().dense(ref.slot);
-    if (pool.ops().dim > 0 && !pool.fixed(d)) residual.add({pool.ops().key, pool.slots().key(d)});
-  }
+void add_parameter(const Graph& graph, const VariableKey& id, EngineContents& out) {
+  const VariableOps* ops = graph.find_ops(id.type);
+  const auto* value = static_cast<const std::byte*>(graph.find_value(id));
+  if (value == nullptr)
+    out.parameters.push_back({id, 0, {}});
+  else if (ops->dim > 0 && !graph.fixed(id))
+    out.parameters.push_back({id, ops->dim, {value, value + ops->bytes}});
+}
+
+void add_residual(const Graph& graph, const FactorId& id, EngineContents& out) {
+  out.residuals.push_back({id, 0, {}});
   const auto linearized = linearize_factor(graph, id, false);
-  if (linearized) out.cost += linearized->cost;
-  out.residuals.push_back(std::move(residual));
+  if (!linearized) return;
+  out.cost += linearized->cost;
+  out.residuals.back().rows = linearized->rows;
+  for (const VariableKey& v : linearized->variables)
+    if (!graph.fixed(v) && graph.find_ops(v.type)->dim > 0) out.residuals.back().add(v);
+}
+
+template <class Slots, class F>
+void for_each_key(const Slots& slots, F&& f) {
+  for (std::uint32_t d = 0; d < slots.extent(); ++d)
+    if (slots.is_live(d)) f(slots.key(d));
 }
 
 }  // namespace
 
-EngineContents expected_contents(const Graph& graph) {
+EngineContents contents_of(const Graph& graph, std::span<const VariableKey> variables,
+                           std::span<const FactorId> factors) {
   EngineContents out;
-  for (const auto& pool : graph.pools())
-    for (std::uint32_t d = 0; d < pool->extent(); ++d) {
-      if (!pool->slots().is_live(d) || pool->fixed(d) || pool->ops().dim == 0) continue;
-      const auto* value = static_cast<const std::byte*>(pool->value(d));
-      out.parameters.push_back(
-          {{pool->ops().key, pool->slots().key(d)}, pool->ops().dim, {value, value + pool->ops().bytes}});
-    }
-  for (const auto& table : graph.tables())
-    for (std::uint32_t r = 0; r < table->extent(); ++r)
-      if (table->slots().is_live(r))
-        add_residual(graph, {table->ops().key, table->slots().key(r)}, table->ops().dim, table->variables(r), out);
-  const PriorTable& priors = graph.priors();
-  for (std::uint32_t r = 0; r < priors.extent(); ++r)
-    if (priors.slots().is_live(r))
-      add_residual(graph, {PriorTable::kKey, priors.slots().key(r)}, priors.shape(r).rows, priors.variables(r), out);
+  for (const VariableKey& id : variables) add_parameter(graph, id, out);
+  for (const FactorId& id : factors) add_residual(graph, id, out);
   return out;
+}
+
+EngineContents expected_contents(const Graph& graph) {
+  std::vector<VariableKey> variables;
+  std::vector<FactorId> factors;
+  for (const auto& pool : graph.pools())
+    for_each_key(pool->slots(), [&](SlotKey k) { variables.emplace_back(pool->ops().key, k); });
+  for (const auto& table : graph.tables())
+    for_each_key(table->slots(), [&](SlotKey k) { factors.push_back({table->ops().key, k}); });
+  for_each_key(graph.priors().slots(), [&](SlotKey k) { factors.push_back({PriorTable::kKey, k}); });
+  return contents_of(graph, variables, factors);
 }
 
 Result<void> compare_contents(const Graph& graph, EngineContents expected, EngineContents held) {
