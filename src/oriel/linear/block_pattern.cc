@@ -21,6 +21,17 @@ void BlockPattern::connect_all(std::span<const int> blocks) {
     for (std::size_t b = a + 1; b < blocks.size(); ++b) connect(blocks[a], blocks[b]);
 }
 
+// With as much room as the other has: it asks for memory no more often than that one.
+void BlockPattern::remember(const BlockPattern& other) {
+  auto copy = [](std::vector<int>& to, const std::vector<int>& from) {
+    to.reserve(from.capacity());
+    to = from;
+  };
+  copy(dims_, other.dims_);
+  copy(begin_, other.begin_);
+  copy(neighbours_, other.neighbours_);
+}
+
 // Two counting sorts, by one end and then, stably, by the other, leave every list ascending; equal neighbours stand
 // side by side and fall out in the second.
 void BlockPattern::finish() {

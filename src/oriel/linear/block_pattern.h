@@ -28,6 +28,12 @@ class BlockPattern {
   std::span<const int> neighbours(int i) const {
     return {neighbours_.data() + begin_[i], static_cast<std::size_t>(begin_[i + 1] - begin_[i])};
   }
+  // The same blocks, tied in the same way; both finished.
+  bool same_as(const BlockPattern& other) const {
+    return dims_ == other.dims_ && begin_ == other.begin_ && neighbours_ == other.neighbours_;
+  }
+  // Takes over a finished one, to be compared with; nothing that was connected comes with it.
+  void remember(const BlockPattern& other);
   // Length of all neighbour lists: twice the number of different pairs.
   int neighbour_count() const { return static_cast<int>(neighbours_.size()); }
 

@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "oriel/base/slot_map.h"
 #include "oriel/linear/dense_kernels.h"
 
 namespace oriel {
@@ -79,12 +80,29 @@ Result<void> Multifrontal::analyze(const BlockPattern& pattern, const FactorOpti
                                    std::span<const int> given) {
   if (auto ok = check_input(pattern, options, given, ordering_); !ok) return ok;
   relative_pivot_ = options.relative_pivot;
-  order_blocks(pattern, options, given);
+  if (!is_known(pattern, options, given)) {
+    order_blocks(pattern, options, given);
+    analyzed_.remember(pattern);
+    analyzed_ordering_ = options.ordering;
+    analyzed_dissection_flops_ = options.dissection_flops;
+    analyzed_order_.clear();
+    reserve_more(analyzed_order_, given.size());
+    analyzed_order_.insert(analyzed_order_.end(), given.begin(), given.end());
+    ++analyses_;
+  }
   const auto total = static_cast<std::size_t>(symbolic_.total_dim());
   diagonal_.assign(total, 0.0), threshold_.assign(total, 0.0), inverse_diagonal_.assign(total, 0.0);
   vector_.assign(total, 0.0);
   report_ = {};
   return {};
+}
+
+bool Multifrontal::is_known(const BlockPattern& pattern, const FactorOptions& options,
+                            std::span<const int> given) const {
+  return analyses_ > 0 && options.ordering == analyzed_ordering_ &&
+         options.dissection_flops == analyzed_dissection_flops_ &&
+         std::equal(given.begin(), given.end(), analyzed_order_.begin(), analyzed_order_.end()) &&
+         pattern.same_as(analyzed_);
 }
 
 void Multifrontal::order_blocks(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> given) {

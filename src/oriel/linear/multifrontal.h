@@ -50,10 +50,12 @@ struct FactorReport {
 class Multifrontal {
  public:
   // Orders the blocks and lays out fronts and addresses. `given` is used by OrderingMethod::given alone: a permutation
-  // of the blocks. An error names a dimension below 1 or what is wrong with `given`.
+  // of the blocks. An error names a dimension below 1 or what is wrong with `given`. All of it is a function of what it
+  // is given, so that where this is what it was, what was found is kept.
   Result<void> analyze(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> given = {});
 
   const Symbolic& symbolic() const { return symbolic_; }
+  std::int64_t analyses() const { return analyses_; }                     // how often anything was found anew
   std::int64_t storage_size() const { return symbolic_.storage_size(); }  // [doubles] of H
   BlockAddress address(int i, int j) const { return symbolic_.address(i, j); }
   bool has(int i, int j) const { return symbolic_.has(i, j); }
@@ -78,6 +80,7 @@ class Multifrontal {
   const double* factor_data() const { return factor_.data(); }
 
  private:
+  bool is_known(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> given) const;
   void order_blocks(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> given);
   void reserve(int workers);
   void factor_front(int front, const double* h, const double* damping, int worker, TaskPool* pool);
@@ -96,6 +99,12 @@ class Multifrontal {
   std::vector<int> ordering_, other_ordering_;
   Symbolic other_symbolic_;
   double relative_pivot_ = 0.0;
+  // What the analysis at hand is of.
+  BlockPattern analyzed_;
+  OrderingMethod analyzed_ordering_ = OrderingMethod::given;
+  double analyzed_dissection_flops_ = 0.0;
+  std::vector<int> analyzed_order_;
+  std::int64_t analyses_ = 0;
 
   AlignedBuffer factor_, shared_arena_;
   std::vector<AlignedBuffer> task_arenas_, local_;  // one a worker; local_: a vector over a front's rows
