@@ -88,8 +88,8 @@ function(oriel_program target)
   endif()
 endfunction()
 
-# benchmarks/*.cc: one executable each; benchmarks/support/*.cc belongs to all. `..._vs_ceres` and `versus_ceres` need
-# Ceres.
+# benchmarks/*.cc: one executable each; benchmarks/support/*.cc belongs to those that race Ceres: `..._vs_ceres` and
+# `versus_ceres`.
 function(oriel_benchmarks)
   file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/benchmarks/*.cc)
   file(GLOB support CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/benchmarks/support/*.cc)
@@ -99,12 +99,13 @@ function(oriel_benchmarks)
       message(STATUS "oriel: benchmark ${name} is not built (no Ceres)")
       continue()
     endif()
-    add_executable(oriel_benchmark_${name} ${source} ${support})
+    add_executable(oriel_benchmark_${name} ${source})
     set_target_properties(oriel_benchmark_${name} PROPERTIES OUTPUT_NAME ${name}
                           RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/benchmarks)
     oriel_flags(oriel_benchmark_${name})
     target_include_directories(oriel_benchmark_${name} PRIVATE ${PROJECT_SOURCE_DIR})
     if(name MATCHES "ceres")
+      target_sources(oriel_benchmark_${name} PRIVATE ${support})
       target_link_libraries(oriel_benchmark_${name} PRIVATE oriel_ceres)
     endif()
     oriel_links_everything(oriel_benchmark_${name})

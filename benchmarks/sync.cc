@@ -1,0 +1,170 @@
+// sync: what it costs the native engine to follow a large graph of which a little changes, stage by stage, beside what
+// a first sync costs. A drive of poses (SE(2)) in laps: each pose is tied to the one before, and now and then to one
+// that stood near in the lap before.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "oriel/linear/linearize.h"
+#include "oriel/manifold/se2.h"
+#include "oriel/residual/between.h"
+#include "oriel/residual/prior.h"
+
+namespace oriel::benchmark {
+namespace {
+
+constexpr int kLap = 400;  // poses
+
+struct Drive {
+  Graph graph;
+  std::vector<VariableId<Pose2d>> poses;  // live, in the order in which they came
+  std::uint64_t random = 1;
+
+  int below(int n) {
+    random = random * 6364136223846793005u + 1442695040888963407u;
+    return static_cast<int>((random >> 33) % static_cast<std::uint64_t>(n));
+  }
+  void add_newest(int n) {
+    GraphEdit edit = graph.edit();
+    for (int i = 0; i < n; ++i) {
+      const auto x = edit.add(Pose2d{});
+      const std::size_t at = poses.size();
+      if (at == 0) edit.add(Prior{Pose2d{}}, Sigma(0.1), x);
+      if (at > 0) edit.add(Between{Pose2d{}}, Sigma(0.1), poses.back(), x);
+      if (at > kLap + 5 && below(3) == 0)
+        edit.add(Between{Pose2d{}}, Sigma(0.1), poses[at - kLap - static_cast<std::size_t>(below(5))], x);
+      poses.push_back(x);
+    }
+    check(graph.apply(edit).ok(), "an edit was refused");
+  }
+  void remove_newest(int n) {
+    GraphEdit edit = graph.edit();
+    for (; n > 0; --n) {
+      edit.remove(poses.back());
+      poses.pop_back();
+    }
+    check(graph.apply(edit).ok(), "an edit was refused");
+  }
+  void set_losses(int n) {
+    GraphEdit edit = graph.edit();
+    for (const auto& t : graph.tables())
+      for (std::uint32_t r = 0; r < t->extent(); ++r)
+        if (t->slots().is_live(r) && static_cast<int>(r) % 100 == n % 100)
+          edit.set(FactorId{t->ops().key, t->slots().key(r)}, Huber(1.0 + n));
+    check(graph.apply(edit).ok(), "an edit was refused");
+  }
+  // Somewhere: n loops are closed anew, n factors that were there go.
+  void change_anywhere(int n) {
+    GraphEdit edit = graph.edit();
+    const FactorTable& table = *std::find_if(graph.tables().begin(), graph.tables().end(), [](const auto& t) {
+                                  return t->ops().residual == Between<Pose2d>::kName;
+                                })->get();
+    std::vector<std::uint32_t> rows;
+    for (int i = 0; i < n; ++i) rows.push_back(static_cast<std::uint32_t>(below(static_cast<int>(table.extent()))));
+    std::sort(rows.begin(), rows.end());
+    rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+    for (const std::uint32_t r : rows)
+      if (table.slots().is_live(r) && table.slots().serial(r) % 4 == 0)
+        edit.remove(FactorId{table.ops().key, table.slots().key(r)});
+    for (int i = 0; i < n / 4; ++i) {
+      const std::size_t at = static_cast<std::size_t>(below(static_cast<int>(poses.size()) - kLap));
+      edit.add(Between{Pose2d{}}, Sigma(0.1), poses[at], poses[at + kLap - 3]);
+    }
+    check(graph.apply(edit).ok(), "an edit was refused");
+  }
+};
+
+double milliseconds(const std::function<void()>& f) {
+  const auto from = std::chrono::steady_clock::now();
+  f();
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - from).count();
+}
+
+struct Cost {
+  double sync = 0, order = 0, symbolic = 0, packed = 0;
+};
+
+double median(std::vector<double> v) {
+  std::sort(v.begin(), v.end());
+  return v[v.size() / 2];
+}
+
+// A sync by `structure`, which followed so far, and its larger stages once more, apart.
+Cost measure(const Graph& graph, LinearStructure& structure, Linearizer& linearizer) {
+  Cost c;
+  const std::int64_t analyses = structure.factorization().analyses();
+  c.sync = milliseconds([&] { check(structure.build(graph, {}).ok(), "no structure"); });
+  MinimumDegree degree;
+  std::vector<int> order;
+  degree.order(structure.pattern(), order);
+  c.order = milliseconds([&] { degree.order(structure.pattern(), order); });
+  Symbolic symbolic;
+  symbolic.analyze(structure.pattern(), order);
+  c.symbolic = milliseconds([&] { symbolic.analyze(structure.pattern(), order); });
+  if (structure.factorization().analyses() == analyses) c.order = c.symbolic = 0.0;  // kept
+  Point point;
+  point.take(graph);
+  ActiveSet active;
+  c.packed = milliseconds([&] { linearizer.evaluate(graph, structure, point, nullptr, active, nullptr); });
+  c.packed -= milliseconds([&] { linearizer.evaluate(graph, structure, point, nullptr, active, nullptr); });
+  return c;
+}
+
+struct Row {
+  const char* what;
+  std::vector<double> sync{}, order{}, symbolic{}, packed{};
+  void add(const Cost& c) {
+    sync.push_back(c.sync), order.push_back(c.order), symbolic.push_back(c.symbolic), packed.push_back(c.packed);
+  }
+  void print(double first) const {
+    std::printf("%-44s %8.2f %8.2f %8.2f %8.2f %8.2f   %5.1f %%\n", what, median(sync), median(order), median(symbolic),
+                median(sync) - median(order) - median(symbolic), median(packed), 100.0 * median(sync) / first);
+  }
+};
+
+int run(int variables, int runs) {
+  const int change = variables / 100;
+  Row first{"first sync"}, grown{"1 % added at the newest end"}, cut{"1 % removed at the newest end"},
+      anywhere{"1 % of the factors changed anywhere"}, losses{"1 % of the losses set"};
+  for (int i = 0; i < runs; ++i) {
+    Drive drive;
+    drive.random = static_cast<std::uint64_t>(i + 1);
+    drive.add_newest(variables);
+    LinearStructure structure;
+    Linearizer linearizer;
+    first.add(measure(drive.graph, structure, linearizer));
+    drive.add_newest(change);
+    grown.add(measure(drive.graph, structure, linearizer));
+    drive.remove_newest(change);
+    cut.add(measure(drive.graph, structure, linearizer));
+    drive.change_anywhere(2 * change);
+    anywhere.add(measure(drive.graph, structure, linearizer));
+    drive.set_losses(i);
+    losses.add(measure(drive.graph, structure, linearizer));
+  }
+  std::printf("%d variables, medians of %d runs [ms]\n%-44s %8s %8s %8s %8s %8s   of a first\n", variables, runs, "",
+              "sync", "order", "symbolic", "rest", "packing");
+  for (const Row* r : {&first, &grown, &cut, &anywhere, &losses}) r->print(median(first.sync));
+  return 0;
+}
+
+}  // namespace
+}  // namespace oriel::benchmark
+
+int main(int argc, char** argv) {
+  int variables = 100000, runs = 5;
+  for (int i = 1; i + 1 < argc; i += 2) {
+    if (std::strcmp(argv[i], "--variables") == 0) variables = std::atoi(argv[i + 1]);
+    if (std::strcmp(argv[i], "--runs") == 0) runs = std::atoi(argv[i + 1]);
+  }
+  if (argc % 2 == 0 || variables < 1000 || runs < 1) {
+    std::fprintf(stderr, "sync [--variables N (at least 1000)] [--runs N]\n");
+    return 2;
+  }
+  return oriel::benchmark::run(variables, runs);
+}
