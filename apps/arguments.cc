@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <iterator>
 #include <utility>
 
+#include "apps/engine_choice.h"
 #include "oriel/io/text.h"
 
 namespace oriel::apps {
@@ -54,6 +56,12 @@ CLI::Validator one_of(std::vector<std::string> words) {
 void add_start_option(CLI::App& command, std::string& choice) {
   command.add_option("--init", choice, "Start of the poses; auto: the one of lower cost")
       ->check(one_of({"file", "odometry", "tree", "chordal", "auto"}))
+      ->capture_default_str();
+}
+
+void add_engine_option(CLI::App& command, std::string& choice) {
+  command.add_option("--engine", choice, "native, or ceres where it is built (oriel-ceres)")
+      ->check(one_of({std::begin(kEngines), std::end(kEngines)}))
       ->capture_default_str();
 }
 

@@ -3,6 +3,8 @@
 
 #include <CLI/App.hpp>
 #include <cstdio>
+#include <cstdlib>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -13,7 +15,6 @@
 #include "apps/commands.h"
 #include "apps/engine_choice.h"
 #include "oriel/evaluate/certificate.h"
-#include "oriel/solve/native_engine.h"
 
 namespace oriel::apps {
 namespace {
@@ -26,24 +27,47 @@ struct CompareArguments {
   int iterations = 100;
 };
 
+// A folder for what the engines find, gone with this; none where nobody asks.
+class Solutions {
+ public:
+  explicit Solutions(bool wanted) {
+    if (!wanted) return;
+    std::error_code ignored;
+    std::string pattern = (std::filesystem::temp_directory_path(ignored) / "oriel-compare-XXXXXX").string();
+    if (::mkdtemp(pattern.data()) != nullptr) folder_ = pattern;
+  }
+  ~Solutions() {
+    std::error_code ignored;
+    if (!folder_.empty()) std::filesystem::remove_all(folder_, ignored);
+  }
+  Solutions(const Solutions&) = delete;
+  Solutions& operator=(const Solutions&) = delete;
+  bool empty() const { return folder_.empty(); }
+  std::string of(const std::string& engine) const { return folder_ + "/" + engine; }
+
+ private:
+  std::string folder_;
+};
+
 // What one engine says of one file: an object of `oriel solve --json`, or why there is none.
 struct Run {
   std::string engine, error;
   Json report;
 };
 
-Result<Run> run_engine(const std::string& engine, const std::string& file, const CompareArguments& a) {
+Result<Run> run_engine(const std::string& engine, const std::string& file, const CompareArguments& a,
+                       const Solutions& solutions) {
   Run run{engine, "", {}};
   const Result<std::string> program = program_of(engine);
   if (!program) {
     run.error = program.error().message;
     return run;
   }
+  std::vector<std::string> words = {
+      "solve", file, "--engine", engine, "--init", a.init, "--iterations", std::to_string(a.iterations), "--json", "-"};
+  if (!solutions.empty()) words.insert(words.end(), {"--out", solutions.of(engine)});
   int exit_code = 0;
-  const Result<std::string> text = output_of(*program,
-                                             {"solve", file, "--engine", engine, "--init", a.init, "--iterations",
-                                              std::to_string(a.iterations), "--json", "-"},
-                                             exit_code);
+  const Result<std::string> text = output_of(*program, words, exit_code);
   if (!text) return text.error();
   if (exit_code == kBadInput) return Error{ErrorCode::bad_input, file + ": the engine " + engine + " refused it"};
   const Json array = Json::parse(*text, nullptr, false);
@@ -72,16 +96,17 @@ Result<BatchProblem> load(const std::string& file, const CompareArguments& a) {
   return load_problem(file, options);
 }
 
-// Of the poses that the engine of this library finds. None for bundle adjustments.
-std::optional<Verdict> judge(BatchProblem& problem, const CompareArguments& a) {
-  const auto* poses = std::get_if<PoseGraphFile>(&problem.file);
-  if (poses == nullptr) return {};
-  SolveOptions solve;
-  solve.max_iterations = a.iterations;
-  (void)NativeEngine(*problem.graph).solve(solve);
-  if (const auto* planar = std::get_if<PoseGraph2>(&problem.ids))
-    return verdict_of<Pose2d>(*problem.graph, planar->poses, isotropic_edges2(*poses));
-  return verdict_of<Pose3d>(*problem.graph, std::get<PoseGraph3>(problem.ids).poses, isotropic_edges3(*poses));
+// Of the poses that the engine of this library found. None for bundle adjustments.
+std::optional<Verdict> judge(const Solutions& solutions) {
+  if (solutions.empty()) return {};
+  ProblemOptions as_found;
+  as_found.start = StartChoice::file;
+  const Result<BatchProblem> solved = load_problem(solutions.of("native"), as_found);
+  if (!solved) return Verdict{{}, "the engine native found no poses"};
+  const auto& file = std::get<PoseGraphFile>(solved->file);
+  if (const auto* planar = std::get_if<PoseGraph2>(&solved->ids))
+    return verdict_of<Pose2d>(*solved->graph, planar->poses, isotropic_edges2(file));
+  return verdict_of<Pose3d>(*solved->graph, std::get<PoseGraph3>(solved->ids).poses, isotropic_edges3(file));
 }
 
 std::string text_of(const std::optional<Verdict>& v) {
@@ -117,10 +142,11 @@ std::string row_of(const Run& run) {
 }
 
 // Adds what the engines say of one file to the report, and to the table what people read of it. Whether all converged.
-Result<bool> compare_engines(const std::string& file, const CompareArguments& a, Json& engines, std::string& table) {
+Result<bool> compare_engines(const std::string& file, const CompareArguments& a, const Solutions& solutions,
+                             Json& engines, std::string& table) {
   bool converged = true;
   for (const char* engine : kEngines) {
-    const Result<Run> run = run_engine(engine, file, a);
+    const Result<Run> run = run_engine(engine, file, a, solutions);
     if (!run) return run.error();
     table += row_of(*run);
     Json entry = {{"engine", engine}};
@@ -146,10 +172,13 @@ Result<int> compare_all(const CompareArguments& a) {
     Json object = {{"file", file}, {"engines", Json::array()}};
     std::string table = fmt::format("{}\n  {:<8} {:>17} {:>11} {:>12} {:>12} {:>9}\n", file, "engine", "cost",
                                     "iterations", "solve [ms]", "total [ms]", "[MB]");
-    const Result<bool> converged = compare_engines(file, a, object["engines"], table);
+    const bool poses = std::holds_alternative<PoseGraphFile>(problem->file);
+    const Solutions solutions(poses);
+    if (poses && solutions.empty()) return Error{ErrorCode::io, "compare: no folder for temporary files"};
+    const Result<bool> converged = compare_engines(file, a, solutions, object["engines"], table);
     if (!converged) return converged.error();
     if (!*converged) exit_code = kNotConverged;
-    const std::optional<Verdict> verdict = judge(*problem, a);
+    const std::optional<Verdict> verdict = judge(solutions);
     object["global_optimum"] = json_of(verdict);
     table += text_of(verdict);
     if (a.json != "-") std::fputs(table.c_str(), stdout);

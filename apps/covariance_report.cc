@@ -52,7 +52,7 @@ std::string title_of(const BatchProblem& problem, const std::string& name) {
   return (bal ? "camera " : "pose ") + name;
 }
 
-CovarianceBlock block_of(const BatchProblem& problem, NativeEngine& engine, std::span<const std::string> names,
+CovarianceBlock block_of(const BatchProblem& problem, Engine& engine, std::span<const std::string> names,
                          std::span<const VariableKey> ids) {
   CovarianceBlock block;
   for (std::size_t i = 0; i < ids.size(); ++i) {
@@ -85,8 +85,8 @@ Result<std::vector<VariableKey>> find_variables(const BatchProblem& problem, con
   return ids;
 }
 
-std::vector<CovarianceBlock> covariances(const BatchProblem& problem, NativeEngine& engine,
-                                         const CovarianceRequest& request, const std::vector<VariableKey>& ids) {
+std::vector<CovarianceBlock> covariances(const BatchProblem& problem, Engine& engine, const CovarianceRequest& request,
+                                         const std::vector<VariableKey>& ids) {
   std::vector<CovarianceBlock> blocks;
   if (request.joint) {
     blocks.push_back(block_of(problem, engine, request.names, ids));

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "apps/batch_problem.h"
-#include "oriel/solve/native_engine.h"
+#include "oriel/solve/engine.h"
 
 namespace oriel::apps {
 
@@ -24,8 +24,8 @@ struct CovarianceBlock {
 Result<std::vector<VariableKey>> find_variables(const BatchProblem& problem, const CovarianceRequest& request);
 
 // At the solution, in the tangent spaces. One block a name, or one of all.
-std::vector<CovarianceBlock> covariances(const BatchProblem& problem, NativeEngine& engine,
-                                         const CovarianceRequest& request, const std::vector<VariableKey>& ids);
+std::vector<CovarianceBlock> covariances(const BatchProblem& problem, Engine& engine, const CovarianceRequest& request,
+                                         const std::vector<VariableKey>& ids);
 
 // Standard deviations, a line each: "sigma of pose 17: translation x [m]: 0.012".
 std::string covariance_text(const std::vector<CovarianceBlock>& blocks);

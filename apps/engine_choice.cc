@@ -82,6 +82,11 @@ Error become(const std::string& program) {
   return system_error(program, errno);
 }
 
+Error become_one_with(std::string_view engine) {
+  const Result<std::string> program = program_of(engine);
+  return program ? become(*program) : program.error();
+}
+
 Result<std::string> output_of(const std::string& program, const std::vector<std::string>& arguments, int& exit_code) {
   Pipe pipe;
   if (!pipe.ok()) return system_error("pipe", errno);

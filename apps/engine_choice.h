@@ -22,6 +22,7 @@ Result<std::string> program_of(std::string_view engine);
 
 // This process goes on as that program, with the arguments it was called with. Returns only where that fails.
 Error become(const std::string& program);
+Error become_one_with(std::string_view engine);
 
 // Runs `oriel ARGUMENTS` in a child process with that program, until it ends, and gives what it wrote to its standard
 // output. `exit_code`: its own; an error where it did not end by itself.

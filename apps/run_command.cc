@@ -5,28 +5,54 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "apps/arguments.h"
 #include "apps/command.h"
 #include "apps/commands.h"
+#include "apps/engine_choice.h"
 #include "apps/landmark_option.h"
 #include "apps/run_recording.h"
+#include "oriel/io/run_config.h"
+#include "oriel/run/solve_beside.h"
 
 namespace oriel::apps {
 namespace {
 
 struct RunArguments {
-  std::string recording, json, out, journal, landmarks = "by-cameras";
+  std::string recording, engine = "native", executor = "inline", config, json, out, journal, landmarks = "by-cameras";
 };
 
-Result<int> run_and_report(const RunArguments& a) {
+// The config where one is given; then what the command line says beside it.
+RunConfigReading settings(const CLI::App& command, const RunArguments& a) {
+  RunConfigReading reading;
+  if (!a.config.empty()) reading = read_run_config(a.config);
+  RunConfig& c = reading.config;
+  if (command.count("--engine") > 0) c.engine = a.engine;
+  if (command.count("--executor") > 0) c.executor = *executor_kind(a.executor);
+  if (command.count("--landmarks") > 0) c.odometry.visual.landmarks = landmark_model(a.landmarks);
+  return reading;
+}
+
+Result<int> run_and_report(const RunConfig& config, const RunArguments& a) {
   for (const std::string& target : {a.json, a.out, a.journal})
     if (auto ok = check_target(target); !ok) return ok.error();
+  std::optional<Zygote> zygote;
+  if (config.executor == ExecutorKind::process) {  // before there is anything that a worker would inherit
+    auto started = Zygote::start({&SolveBeside::kTask});
+    if (!started) return started.error();
+    zygote = std::move(*started);
+  }
   const Result<Recording> recording = read_recording(a.recording);
   if (!recording) return recording.error();
   RunOptions options;
+  options.odometry = config.odometry;
+  options.engine = config.engine;
+  options.executor = config.executor;
+  options.worker.zygote = zygote ? &*zygote : nullptr;
+  options.worker.time_limit = config.time_limit;
+  options.worker.limits.memory_bytes = config.memory_limit_mb * 1'000'000;
   options.journal = a.journal;
-  options.odometry.visual.landmarks = landmark_model(a.landmarks);
   options.progress = ::isatty(STDERR_FILENO) == 1;
   const Result<RunReport> report = run_recording(*recording, options);
   if (!report) return report.error();
@@ -39,8 +65,12 @@ Result<int> run_and_report(const RunArguments& a) {
   return std::isnan(report->initialised_after_s) ? kNotConverged : kSolved;
 }
 
-int run(const RunArguments& a) {
-  const Result<int> exit_code = run_and_report(a);
+int run(const CLI::App& command, const RunArguments& a) {
+  const RunConfigReading reading = settings(command, a);
+  for (const Error& e : reading.errors) refuse(e);
+  if (!reading.errors.empty()) return kBadInput;
+  if (!has_engine(reading.config.engine)) return refuse(become_one_with(reading.config.engine));
+  const Result<int> exit_code = run_and_report(reading.config, a);
   return exit_code ? *exit_code : refuse(exit_code.error());
 }
 
@@ -50,6 +80,11 @@ void add_run_command(CLI::App& app, int& exit_code) {
   const auto a = std::make_shared<RunArguments>();
   CLI::App* command = app.add_subcommand("run", "Visual-inertial odometry over a recording, with a sliding window");
   command->add_option("RECORDING", a->recording, "Folder that `oriel import` made")->required();
+  add_engine_option(*command, a->engine);
+  command->add_option("--executor", a->executor, "Where the window's solves run: in place, in a thread, in a process")
+      ->check(one_of({"inline", "thread", "process"}))
+      ->capture_default_str();
+  command->add_option("--config", a->config, "Settings of the run (YAML); `oriel config` prints them all");
   command->add_option("--json", a->json, "Report as one object; - is standard output");
   command->add_option("--out", a->out, "Trajectory to write (TUM): each pose as it was known at its own update");
   command
@@ -57,7 +92,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
                    "As the window has them (by-cameras: points of two cameras, inverse depths of one)")
       ->check(one_of(kLandmarkModels));
   command->add_option("--journal", a->journal, "File for every edit and solve, for `oriel replay`");
-  command->callback([a, &exit_code] { exit_code = run(*a); });
+  command->callback([a, command, &exit_code] { exit_code = run(*command, *a); });
 }
 
 }  // namespace oriel::apps

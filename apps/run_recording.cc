@@ -10,10 +10,12 @@
 #include <memory>
 
 #include "apps/command.h"
+#include "apps/engine_choice.h"
 #include "oriel/base/percentile.h"
 #include "oriel/evaluate/associate.h"
 #include "oriel/evaluate/ate.h"
 #include "oriel/io/journal.h"
+#include "oriel/run/beside_engine.h"
 #include "oriel/testing/allocation_counter.h"
 #include "oriel/window/inertial_odometry.h"
 
@@ -70,6 +72,7 @@ class Run {
   }
 
   Result<RunReport> operator()() {
+    if (auto ok = choose_engine(); !ok) return ok.error();
     if (auto ok = open_journal(); !ok) return ok.error();
     for (const RecordedFrame& frame : recording_.frames) {
       feed_imu(frame.time);
@@ -85,6 +88,22 @@ class Run {
   }
 
  private:
+  Result<void> choose_engine() {
+    const bool beside = options_.executor != ExecutorKind::in_place;
+    if (options_.engine == "native" && !beside) return {};
+    if (!options_.journal.empty())
+      return Error{ErrorCode::bad_input,
+                   "--journal: expected --engine native and --executor inline, whose solves can be replayed"};
+    if (beside && options_.engine != "native")
+      return Error{ErrorCode::bad_input, "--executor: expected --engine native where it is not inline"};
+    if (beside) {
+      auto engine = BesideEngine::make(odometry_.window().followed(), options_.executor, options_.worker);
+      if (!engine) return engine.error();
+      return odometry_.window().use(std::move(*engine));
+    }
+    return odometry_.window().use(make_engine(options_.engine, odometry_.window().followed()));
+  }
+
   Result<void> open_journal() {
     if (options_.journal.empty()) return {};
     Result<JournalWriter> journal = JournalWriter::create(options_.journal, odometry_.window().followed());

@@ -5,12 +5,17 @@
 #include <vector>
 
 #include "oriel/io/recording.h"
+#include "oriel/run/executor.h"
 #include "oriel/window/odometry_options.h"
 
 namespace oriel::apps {
 
 struct RunOptions {
   OdometryOptions odometry;
+  std::string engine = "native";  // one that this program has, for the window's solves
+  // Where the window's solves run; all but in place for the native engine alone.
+  ExecutorKind executor = ExecutorKind::in_place;
+  ExecutorOptions worker;
   std::string journal;    // file that every edit and solve is written to; empty: none
   bool progress = false;  // a line on standard error
 };

@@ -8,11 +8,11 @@
 #include "apps/command.h"
 #include "apps/commands.h"
 #include "apps/engine_choice.h"
-#include "oriel/io/loss_text.h"
 #include "apps/solve_files.h"
+#include "oriel/io/loss_text.h"
 #include "oriel/io/text.h"
 
-namespace oriel {
+namespace oriel::apps {
 namespace {
 
 // As they stand on the command line.
@@ -107,20 +107,8 @@ Result<int> solve_all(const SolveArguments& a) {
   return exit_code;
 }
 
-// What only the native engine can do.
-Result<void> check_engine(const SolveArguments& a) {
-  if (a.engine == "native") return {};
-  const char* option = a.graduated ? "--gnc" : !a.covariance.empty() ? "--covariance" : nullptr;
-  if (option != nullptr) return Error{ErrorCode::bad_input, std::string(option) + ": expected --engine native"};
-  return {};
-}
-
 int run(const SolveArguments& a) {
-  if (auto ok = check_engine(a); !ok) return refuse(ok.error());
-  if (!has_engine(a.engine)) {
-    const Result<std::string> program = program_of(a.engine);
-    return refuse(program ? become(*program) : program.error());
-  }
+  if (!has_engine(a.engine)) return refuse(become_one_with(a.engine));
   const Result<int> exit_code = solve_all(a);
   return exit_code ? *exit_code : refuse(exit_code.error());
 }
@@ -139,9 +127,7 @@ void add_solve_command(CLI::App& app, int& exit_code) {
   command->add_option("--method", a->method, "Levenberg-Marquardt, Powell's dogleg or Gauss-Newton")
       ->check(one_of({"lm", "dogleg", "gn"}))
       ->capture_default_str();
-  command->add_option("--engine", a->engine, "native, or ceres where it is built (oriel-ceres)")
-      ->check(one_of({std::begin(kEngines), std::end(kEngines)}))
-      ->capture_default_str();
+  add_engine_option(*command, a->engine);
   command->add_option("--linear-solver", a->linear_solver, "Of what is left without landmarks; auto: by its size")
       ->check(one_of({"auto", "direct", "cg"}))
       ->capture_default_str();
@@ -188,4 +174,4 @@ void add_solve_command(CLI::App& app, int& exit_code) {
   command->callback([a, &exit_code] { exit_code = run(*a); });
 }
 
-}  // namespace oriel
+}  // namespace oriel::apps

@@ -7,7 +7,6 @@
 #include "apps/engine_choice.h"
 #include "oriel/io/text.h"
 #include "oriel/solve/graduated.h"
-#include "oriel/solve/native_engine.h"
 
 namespace oriel::apps {
 namespace {
@@ -19,11 +18,8 @@ Result<void> write_targets(BatchProblem& problem, const SolveTargets& targets, c
   return write_text_file(targets.svg, format_svg(problem.path, before, draw(problem)));
 }
 
-Result<void> solve(BatchProblem& problem, NativeEngine& engine, const SolveSettings& settings, SolvedFile& f) {
-  if (settings.engine != engine.name()) {
-    f.summary = make_engine(settings.engine, *problem.graph)->solve(settings.options);
-    return {};
-  }
+Result<void> solve(BatchProblem& problem, Engine& engine, const SolveSettings& settings, SolvedFile& f) {
+  if (auto ok = can_solve(engine, *problem.graph, settings.options); !ok) return ok;
   if (!settings.graduated) {
     f.summary = engine.solve(settings.options);
     return {};
@@ -51,12 +47,12 @@ Result<SolvedFile> solve_problem(BatchProblem& problem, const SolveSettings& set
   if (!wanted) return wanted.error();
   const Drawing before = settings.targets.svg.empty() ? Drawing() : draw(problem);
   const auto began = std::chrono::steady_clock::now();
-  NativeEngine engine(*problem.graph);
+  const std::unique_ptr<Engine> engine = make_engine(settings.engine, *problem.graph);
   SolvedFile f;
-  if (auto ok = solve(problem, engine, settings, f); !ok) return ok.error();
+  if (auto ok = solve(problem, *engine, settings, f); !ok) return ok.error();
   if (!f.summary.failed())
     if (auto ok = write_targets(problem, settings.targets, before); !ok) return ok.error();
-  if (!wanted->empty()) f.covariances = covariances(problem, engine, settings.covariance, *wanted);
+  if (!wanted->empty()) f.covariances = covariances(problem, *engine, settings.covariance, *wanted);
   f.path = problem.path;
   f.format = problem.format();
   f.poses = problem.poses(), f.landmarks = problem.landmarks(), f.factors = problem.factors();

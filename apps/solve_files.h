@@ -19,7 +19,7 @@ struct SolveSettings {
   SolveTargets targets;
   bool graduated = false;  // in rounds: solve/graduated.h
   CovarianceRequest covariance;
-  std::string engine = "native";  // the others know neither graduation nor covariance
+  std::string engine = "native";  // one that this program has
 };
 
 // Targets are written unless the solve failed.

@@ -71,6 +71,23 @@ TEST_F(RunCommand, ReplaysItsJournalToTheSameBitsWithCachesDroppedAndTwoThreads)
   EXPECT_EQ(r.exit_code, 0) << r.out << r.err;
 }
 
+// What is there is solved again and compared; then where the damage is.
+TEST_F(RunCommand, VerifiesAJournalUpToWhereItIsCutOrDamaged) {
+  ASSERT_EQ(oriel("run " + recording() + " --journal " + path("flight.journal")).exit_code, 0);
+  std::ifstream in(path("flight.journal"), std::ios::binary);
+  const std::string whole{std::istreambuf_iterator<char>(in), {}};
+  std::string damaged = whole;
+  damaged[whole.size() / 2] = static_cast<char>(damaged[whole.size() / 2] ^ 1);
+  for (const std::string& bytes : {whole.substr(0, whole.size() / 2), damaged}) {
+    std::ofstream(path("half.journal"), std::ios::binary) << bytes;
+    const CommandResult r = oriel("replay " + path("half.journal") + " --verify");
+    EXPECT_EQ(r.exit_code, 2);
+    EXPECT_NE(r.out.find("solved again: the same bits after every solve"), std::string::npos) << r.out;
+    EXPECT_EQ(std::count(r.err.begin(), r.err.end(), '\n'), 1) << r.err;
+    EXPECT_NE(r.err.find("before it are whole"), std::string::npos) << r.err;
+  }
+}
+
 TEST_F(RunCommand, RefusesWhatIsNoRecordingWithOneLine) {
   const CommandResult r = oriel("run " + path("absent") + " --json - --out " + path("flight.tum"));
   EXPECT_EQ(r.exit_code, 2);

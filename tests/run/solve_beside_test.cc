@@ -55,8 +55,9 @@ History run(ExecutorKind kind, Zygote& zygote, unsigned seed, int rounds, int ki
       std::this_thread::sleep_for(std::chrono::microseconds(accidents() % 300));
       if (const pid_t pid = worker_of(zygote); pid > 0) ::kill(pid, SIGKILL);
     }
-    if (kills == 0)  // with a worker that dies the job is done again, with the graph as it is then
+    if (kills == 0) {  // with a worker that dies the job is done again, with the graph as it is then
       for (int edits = round % 3; edits > 0; --edits) EXPECT_TRUE(origin.step(6));
+    }
     const JobReport done = beside.write_back();
     EXPECT_EQ(done.status, JobStatus::done) << done;
     out.restarts += done.restarted;

@@ -2,7 +2,22 @@
 
 #include <utility>
 
-namespace oriel::run_detail {
+namespace oriel {
+
+Summary summary_of(const SolveOutcome& outcome, const SolveOptions& options) {
+  Summary s;
+  s.reason = outcome.reason;
+  s.method = options.method;
+  s.iterations = outcome.iterations;
+  s.accepted = outcome.accepted;
+  s.rejected = outcome.iterations - outcome.accepted;
+  s.initial_cost = outcome.initial_cost;
+  s.final_cost = s.fresh_cost = outcome.final_cost;
+  s.lambda = outcome.state.lambda;
+  return s;
+}
+
+namespace run_detail {
 namespace {
 
 // A variable that was fixed while a solve was under way keeps its value here and was moved there: its value goes along.
@@ -100,4 +115,5 @@ Result<void> SolveOwner::take(const SolveOutput& output) {
   return graph_->adopt(solution_);
 }
 
-}  // namespace oriel::run_detail
+}  // namespace run_detail
+}  // namespace oriel

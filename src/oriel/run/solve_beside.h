@@ -159,4 +159,7 @@ class SolveBesideWith {
 
 using SolveBeside = SolveBesideWith<ShippedTypes>;
 
+// What travelled of a summary: reason, iterations, costs. The rest has its defaults.
+Summary summary_of(const SolveOutcome& outcome, const SolveOptions& options);
+
 }  // namespace oriel

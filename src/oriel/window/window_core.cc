@@ -26,7 +26,21 @@ Result<void> WindowCore::commit() {
   return {};
 }
 
+void WindowCore::observe(WindowObserver* observer) {
+  check(observer == nullptr || solver_ == nullptr, "a window is not observed while another engine solves it");
+  observer_ = observer;
+}
+
+Result<void> WindowCore::use(std::unique_ptr<Engine> solver) {
+  if (solver != nullptr && observer_ != nullptr)
+    return Error{ErrorCode::conflict, "the engine " + std::string(solver->name()) +
+                                          " cannot solve an observed window: a journal replays native solves alone"};
+  solver_ = std::move(solver);
+  return {};
+}
+
 Summary WindowCore::solve(const SolveOptions& options) {
+  if (solver_ != nullptr) return solver_->solve(options);
   const SolverState before = engine_.state();
   Summary summary = engine_.solve(options);
   if (observer_ != nullptr) observer_->solved(options, before, summary, engine_);

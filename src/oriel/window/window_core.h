@@ -2,6 +2,7 @@
 // times and no threads: what goes in and what leaves is an edit or a list of variables, and every step is seen by an
 // observer, so that a run can be recorded and replayed.
 #pragma once
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -31,7 +32,11 @@ class WindowCore {
   const NativeEngine& engine() const { return engine_; }
   // For covariance, which factors the system anew.
   NativeEngine& engine() { return engine_; }
-  void observe(WindowObserver* observer) { observer_ = observer; }
+  // Not beside another engine: the outcome of its solves is nothing that a journal could replay.
+  void observe(WindowObserver* observer);
+  // Solves go to this engine from now on, made on this graph (followed()); null: to the native one again. What else
+  // looks at linear problems stays native: marginalization, covariances, gates. An Error where an observer is.
+  Result<void> use(std::unique_ptr<Engine> solver);
   // For those who subscribe to its changes (Graph::subscribe).
   Graph& followed() { return graph_; }
 
@@ -69,6 +74,7 @@ class WindowCore {
   Marginalizer marginalizer_;
   MarginalScope scope_;
   WindowObserver* observer_ = nullptr;
+  std::unique_ptr<Engine> solver_;  // null: the native one
 };
 
 }  // namespace oriel
