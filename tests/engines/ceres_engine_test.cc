@@ -120,6 +120,27 @@ TEST(CeresEngine, SolvesForValuesThatAreSmallerThanTheirTangent) {
   EXPECT_NEAR(graph.value(n).z, 3.0, 1e-6);
 }
 
+TEST(CeresEngine, SaysByWhichInequalityItEnded) {
+  WindowOfTen window;
+  for (int k = 0; k < 6; ++k) window.slide(k);
+  CeresEngine ceres(window.graph);
+  const Summary summary = ceres.solve({.function_tolerance = 1e-6});
+  EXPECT_EQ(summary.reason, Reason::function_tolerance) << summary;
+  EXPECT_LE(summary.reason_value, summary.reason_bound);
+  EXPECT_GT(summary.reason_value, 0.0);
+  EXPECT_NEAR(summary.reason_bound, 1e-6 * summary.final_cost, 1e-12 * summary.final_cost);
+  EXPECT_EQ(ceres.solve({.max_iterations = 50, .function_tolerance = 0.0, .gradient_tolerance = 1.0}).reason,
+            Reason::gradient_tolerance);
+  EXPECT_EQ(ceres.solve({.max_iterations = 0}).reason, Reason::max_iterations);
+  double seconds = 0.0;  // of a clock that is told to tick
+  const Summary late = ceres.solve({.function_tolerance = 0.0,
+                                    .gradient_tolerance = 0.0,
+                                    .deadline = Duration::from_seconds(4.5),
+                                    .clock = [&seconds] { return seconds += 1.0; }});
+  EXPECT_EQ(late.reason, Reason::deadline) << late;
+  EXPECT_GT(late.reason_value, late.reason_bound);
+}
+
 TEST(CeresEngine, StopsWhenTheCallbackSaysSo) {
   WindowOfTen window;
   for (int k = 0; k < 6; ++k) window.slide(k);

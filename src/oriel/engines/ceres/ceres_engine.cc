@@ -2,6 +2,8 @@
 
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
+#include <string_view>
 
 #include "oriel/engines/ceres/ceres_problem.h"
 
@@ -9,6 +11,8 @@ namespace oriel {
 namespace {
 
 using ceres_detail::CeresProblem;
+
+constexpr double kLeastRadius = 1e-32;
 
 double now(const SolveOptions& options) {
   if (options.clock) return options.clock();
@@ -69,6 +73,7 @@ ceres::Solver::Options ceres_options(const SolveOptions& options, bool landmarks
     o.initial_trust_region_radius = options.initial_radius > 0.0 ? options.initial_radius : landmarks ? 1e4 : 1e16;
   }
   o.max_trust_region_radius = 1e20;
+  o.min_trust_region_radius = kLeastRadius;
   o.max_num_iterations = options.max_iterations;
   o.num_threads = options.threads;
   o.function_tolerance = options.function_tolerance;
@@ -83,7 +88,14 @@ void set_reason(Summary& s, Reason reason, double value, double bound) {
   s.reason = reason, s.reason_value = value, s.reason_bound = bound;
 }
 
-// Ceres says why it stopped in a sentence alone; the numbers are looked at instead.
+// Of the step that gained too little to be taken Ceres says it in a sentence alone: "... |cost_change|/cost: 1e-10 <=
+// ".
+double told_decrease(const ceres::Solver::Summary& c) {
+  constexpr std::string_view kBefore = "|cost_change|/cost: ";
+  const std::size_t at = c.message.find(kBefore);
+  return at == std::string::npos ? 0.0 : std::strtod(c.message.c_str() + at + kBefore.size(), nullptr) * c.final_cost;
+}
+
 void explain(const SolveOptions& options, const ceres::Solver::Summary& c, const Reporter& reporter, Summary& s) {
   using End = Reporter::End;
   const ceres::IterationSummary& last = reporter.last();
@@ -99,10 +111,10 @@ void explain(const SolveOptions& options, const ceres::Solver::Summary& c, const
     set_reason(s, Reason::diverged, cost - last.cost_change, cost);
   else if (converged && last.gradient_max_norm <= options.gradient_tolerance)
     set_reason(s, Reason::gradient_tolerance, last.gradient_max_norm, options.gradient_tolerance);
-  else if (converged && std::fabs(last.cost_change) <= options.function_tolerance * cost)
-    set_reason(s, Reason::function_tolerance, std::fabs(last.cost_change), options.function_tolerance * cost);
+  else if (converged && last.trust_region_radius <= kLeastRadius)
+    set_reason(s, Reason::no_descending_step, 1.0 / last.trust_region_radius, 1.0 / kLeastRadius);
   else if (converged)
-    set_reason(s, Reason::no_descending_step, 1.0 / last.trust_region_radius, 1e32);
+    set_reason(s, Reason::function_tolerance, told_decrease(c), options.function_tolerance * cost);
   else
     set_reason(s, Reason::max_iterations, s.iterations, options.max_iterations);
 }

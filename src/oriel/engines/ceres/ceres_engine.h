@@ -35,7 +35,8 @@ class CeresEngine final : public Engine {
   double cost() noexcept override;
   Result<EngineContents> contents() noexcept override;
   using Engine::joint_covariance;
-  // By a sparse QR of the Jacobian; of where its rank ends Ceres has an idea of its own (the norms of the columns).
+  // By a sparse QR of the Jacobian; of where its rank ends Ceres has an idea of its own (the norms of the columns). It
+  // sorts by address: two times asked, the same up to rounding.
   Result<void> joint_covariance(std::span<const VariableKey> ids, std::vector<double>& out) noexcept override;
 
  private:
