@@ -62,11 +62,31 @@ TEST_F(CompareCommand, HasAnEngineThatSolveTakesByName) {
   }
   ASSERT_EQ(r.exit_code, 0) << r.err;
   EXPECT_EQ(r.json()[0]["linear_solver"], "ceres_sparse_cholesky");
-  for (const char* option : {" --gnc", " --covariance 1"}) {
-    const CommandResult refused = oriel("solve " + data("intel.g2o") + " --engine ceres" + option);
-    EXPECT_EQ(refused.exit_code, 2) << option;
-    EXPECT_NE(refused.err.find("expected --engine native"), std::string::npos) << refused.err;
+  const CommandResult refused = oriel("solve " + data("intel.g2o") + " --engine ceres --linear-solver cg");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("the engine ceres has no conjugate gradients"), std::string::npos) << refused.err;
+}
+
+// C8
+TEST_F(CompareCommand, HasEnginesOfWhichEitherGraduatesLossesAndGivesCovariances) {
+  if (!has_ceres()) return;
+  json o[2];
+  for (const int k : {0, 1}) {
+    const CommandResult r = oriel("solve " + data("intel.g2o") + " --gnc --covariance 7 --json - --engine " +
+                                  (k == 0 ? "native" : "ceres"));
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    o[k] = r.json()[0];
   }
+  EXPECT_EQ(o[0]["gnc"]["factors"], o[1]["gnc"]["factors"]);
+  EXPECT_EQ(o[0]["gnc"]["outliers"], o[1]["gnc"]["outliers"]);
+  EXPECT_NEAR(o[0]["final_cost"].get<double>(), o[1]["final_cost"].get<double>(), 1e-5);
+  using Matrix = std::vector<std::vector<double>>;
+  const auto a = o[0]["covariance"][0]["matrix"].get<Matrix>(), b = o[1]["covariance"][0]["matrix"].get<Matrix>();
+  ASSERT_EQ(a.size(), 3u);
+  ASSERT_EQ(b.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j)
+      EXPECT_NEAR(a[i][j], b[i][j], 1e-4 * std::sqrt(a[i][i] * a[j][j])) << i << ", " << j;
 }
 
 }  // namespace

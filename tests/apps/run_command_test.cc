@@ -46,6 +46,27 @@ TEST_F(RunCommand, TakesLandmarksAsItIsTold) {
   EXPECT_EQ(oriel("run " + path("recording") + " --landmarks balloon").exit_code, 2);
 }
 
+// C8
+TEST_F(RunCommand, FliesAboutTheSameWayWithTheOtherEngine) {
+  if (!std::filesystem::exists(std::string(ORIEL_COMMAND) + "-ceres")) return;
+  const std::string flight = "run " + recording() + " --json - --engine ";
+  const CommandResult native = oriel(flight + "native --out " + path("native.tum"));
+  const CommandResult ceres = oriel(flight + "ceres --out " + path("ceres.tum"));
+  ASSERT_EQ(ceres.exit_code, 0) << ceres.err;
+  EXPECT_EQ(ceres.json()["states"], native.json()["states"]);
+  EXPECT_NEAR(ceres.json()["ate_m"].get<double>(), native.json()["ate_m"].get<double>(), 0.01);
+  // The one trajectory as the other's truth, not aligned.
+  const json apart =
+      oriel("evaluate " + path("ceres.tum") + " " + path("native.tum") + " --align none --json -").json();
+  EXPECT_EQ(apart["pairs"], native.json()["states"]);
+  EXPECT_LT(apart["position_m"]["max"].get<double>(), 0.02);
+  EXPECT_GT(apart["position_m"]["max"].get<double>(), 0.0);  // it was another engine
+  const CommandResult journal = oriel(flight + "ceres --journal " + path("ceres.journal"));
+  EXPECT_EQ(journal.exit_code, 2);
+  EXPECT_NE(journal.err.find("--journal: expected --engine native"), std::string::npos) << journal.err;
+  EXPECT_FALSE(std::filesystem::exists(path("ceres.journal")));
+}
+
 // W17
 TEST_F(RunCommand, WarnsOfAWindowThatBeganAnewWithItsReason) {
   ASSERT_EQ(oriel("simulate " + path("flight") +
