@@ -86,6 +86,7 @@ template <class Pose, class Ids, class Edges>
 Verdict verdict_of(const Graph& graph, const Ids& ids, const Result<Edges>& edges) {
   if (!edges) return {{}, edges.error().message};
   std::vector<Pose> poses;
+  poses.reserve(ids.size());
   for (const auto id : ids) poses.push_back(graph.value(id));
   return {certify(poses, *edges), ""};
 }

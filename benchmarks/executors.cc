@@ -3,10 +3,9 @@
 // window's updates take whose solves run elsewhere says `oriel run RECORDING --executor process`.
 //
 //   executors [ROUNDS]
-#include <signal.h>
-
 #include <algorithm>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>

@@ -34,7 +34,8 @@ TEST_F(ConfigCommand, RefusesAConfigWithALineForEachFaultBeforeAnythingStarts) {
 
 // R1: the same poses, to the last digit that is written.
 TEST_F(ConfigCommand, FliesTheSameWayInAllExecutors) {
-  const std::string recording = data("euroc_v101");
+  const std::string recording = path("recording");
+  ASSERT_EQ(oriel("import " + data("euroc_v101") + " " + recording).exit_code, 0);
   std::string first;
   for (const std::string executor : {"inline", "thread", "process"}) {
     const std::string out = path(executor + ".tum");

@@ -109,6 +109,20 @@ TEST(CeresFollows, WithoutTouchingWhatNoEditNames) {
   EXPECT_LE(kept, 28u);  // the new one may stand where one was that left
 }
 
+// C1: one that falls too far behind is given the whole graph.
+TEST(CeresFollows, AlsoWhereItHadFallenTooFarBehind) {
+  RandomGraph random(8);
+  random.graph.bound_log({.per_live = 0.0, .least = 4});
+  CeresEngine ceres(random.graph);
+  NativeEngine native(random.graph);
+  for (int round = 0; round < 20; ++round) {
+    for (int i = 0; i <= round % 5; ++i) ASSERT_TRUE(random.step(20));
+    const auto ok = check(ceres, random.graph);
+    ASSERT_TRUE(ok) << round << ": " << ok.error();
+    ASSERT_LT(relative_difference(ceres.cost(), native.cost()), 1e-12) << round;
+  }
+}
+
 // Edits of all kinds, a solve now and then.
 std::uint64_t run_with_ceres(unsigned seed) {
   RandomGraph random(seed);

@@ -25,6 +25,7 @@ class Relaxation final : public Engine {
   }
   Result<void> sync() noexcept override {
     graph_.collect(subscription_, net_);
+    if (net_.whole()) factors_.clear(), variables_.clear();  // it had fallen too far behind
     for (const auto& c : net_.factor_columns()) follow(factors_, c->ops->key, *c);
     follow(factors_, PriorTable::kKey, net_.priors());
     for (const auto& c : net_.variable_columns()) follow(variables_, c->ops->key, *c);

@@ -108,7 +108,7 @@ JobReport ExecutorCore::submit() {
 
 JobReport ExecutorCore::begin(JobId job, Bytes& input) {
   report_ = {job, JobStatus::accepted};
-  const JobReport started = runner_->start(job, input);
+  JobReport started = runner_->start(job, input);
   state_ = started.status == JobStatus::accepted ? State::running : State::idle;
   return started;
 }

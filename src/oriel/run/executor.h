@@ -148,7 +148,7 @@ class Executor {
   JobReport discard() {
     const JobReport* r = core_.wait();
     if (r == nullptr) return {};
-    const JobReport report = *r;
+    JobReport report = *r;
     core_.forget();
     read_ = false;
     return report;

@@ -31,7 +31,7 @@ class ProcessRunner final : public JobRunner {
   bool is_running() override { return !socket_.has_news() && left().ns > 0; }
   JobReport finish(Bytes& output) override {
     for (;;) {
-      const JobReport r = await(output);
+      JobReport r = await(output);
       if (r.status != JobStatus::died || retries_-- <= 0) return r;
       if (auto ok = send_job(); !ok) return report(JobStatus::died, ok.error().text());
     }
@@ -92,7 +92,7 @@ class ProcessRunner final : public JobRunner {
       if (auto ok = start_worker(); !ok) return ok;
     const bool travels = task_.context_travels && static_cast<int>(since_.size()) + 1 >= options_.checkpoint_every;
     // Where the worker has gone meanwhile, finish sees it.
-    const auto sent = socket_.send(head(WorkerPacket::job, travels ? 1 : 0), {input_, {}, {}});
+    auto sent = socket_.send(head(WorkerPacket::job, travels ? 1 : 0), {input_, {}, {}});
     if (!sent && sent.error().code != ErrorCode::not_found) {
       end_worker();
       return sent;

@@ -186,12 +186,10 @@ template <class T>
 constexpr bool is_transferable() {
   if constexpr (Plain<T> || std::is_same_v<T, std::string>)
     return true;
-  else if constexpr (std::is_same_v<T, std::vector<bool>>)
-    return false;
   else if constexpr (kIsSpan<T>)
     return Plain<std::remove_const_t<typename T::element_type>>;
   else if constexpr (kIsVector<T> || kIsArray<T>)
-    return is_transferable<typename T::value_type>();
+    return !std::is_same_v<T, std::vector<bool>> && is_transferable<typename T::value_type>();
   else if constexpr (kIsPair<T>)
     return is_transferable<typename T::first_type>() && is_transferable<typename T::second_type>();
   else if constexpr (SaysWhatTravels<T>)

@@ -150,6 +150,7 @@ EngineCapabilities CeresEngine::capabilities() const noexcept {
 Result<void> CeresEngine::sync() noexcept {
   if (seen_version_ == graph_->version()) return {};
   graph_->collect(subscription_, net_);
+  if (net_.whole()) problem_ = std::make_unique<CeresProblem>();  // it had fallen too far behind
   problem_->apply(net_);
   problem_->take_values(*graph_);
   seen_version_ = graph_->version();
