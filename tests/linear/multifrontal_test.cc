@@ -119,7 +119,8 @@ TEST(Multifrontal, SolvesTheSameSystemAsDenseCholesky) {
       const int blocks = 1 + static_cast<int>(seed % 40);
       const Problem problem = random_problem(blocks, static_cast<int>(seed * 3 % 90), seed);
       ASSERT_TRUE(factorization.analyze(problem.pattern, with(method)));
-      const std::vector<double> h = problem.values(factorization), untouched = h;
+      std::vector<double> h = problem.values(factorization);
+      const std::vector<double> untouched = h;
       const FactorReport& report = factorization.factor(h.data());
       EXPECT_EQ(report.status, FactorReport::Status::ok);
       EXPECT_EQ(h, untouched);

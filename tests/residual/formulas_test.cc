@@ -117,7 +117,7 @@ TEST(PoseGraphEdge3, IsTranslationAndQuaternionVectorOfTheErrorPose) {
   for (int i = 0; i < 20; ++i) {
     const Pose3d a = random.value<Pose3d>(1.0), b = random.value<Pose3d>(1.0), z = random.value<Pose3d>(1.0);
     Vec6d r;
-    ASSERT_TRUE(PoseGraphEdge3{z}.evaluate(a, b, r, nullptr, nullptr));
+    ASSERT_TRUE(PoseGraphEdge3<double>{z}.evaluate(a, b, r, nullptr, nullptr));
     const Pose3d E = z.inverse() * a.inverse() * b;
     const Vec3d phi = E.R.log();  // its angle is at most π, so sin(θ/2) is the vector part with w ≥ 0
     const double angle = phi.norm();
@@ -130,7 +130,7 @@ TEST(PoseGraphEdge2, WrapsTheAngle) {
   constexpr double kPi = std::numbers::pi;
   const Pose2d a{Rot2d::exp(3.0), {{1, 2}}}, b{Rot2d::exp(-3.0), {{2, 2}}}, z{Rot2d::exp(0.1), {{0.5, -0.5}}};
   Vec3d r;
-  ASSERT_TRUE(PoseGraphEdge2{z}.evaluate(a, b, r, nullptr, nullptr));
+  ASSERT_TRUE(PoseGraphEdge2<double>{z}.evaluate(a, b, r, nullptr, nullptr));
   EXPECT_NEAR(r[2], -6.1 + 2 * kPi, 1e-14);
   // R_aᵀ (t_b - t_a) with t_b - t_a = (1, 0), less t_z, turned by -0.1.
   const double ex = std::cos(3.0) - 0.5, ey = -std::sin(3.0) + 0.5;
@@ -151,7 +151,7 @@ TEST(BalReprojection, IsItsDefinition) {
   const double scale = 520.0 * (1.0 - 0.1 * s + 0.03 * s * s);
   Vec2d r;
   const BalCamerad camera = BalCamerad::from_file(file);
-  const BalReprojection residual{Vec2d{{10.0, 20.0}}};
+  const BalReprojection<double> residual{Vec2d{{10.0, 20.0}}};
   ASSERT_TRUE(residual.evaluate(camera, X, r, nullptr, nullptr));
   EXPECT_NEAR(r[0], scale * px - 10.0, 1e-11);
   EXPECT_NEAR(r[1], scale * py - 20.0, 1e-11);
@@ -174,15 +174,16 @@ TEST(Reprojection, OfAnInverseDepthIsThatOfThePointBehindIt) {
   const InverseDepthd depth{0.4};
   const Vec3d p_world = a * rig.cameras[0].T_body_camera() * Vec3d{{bearing[0] / 0.4, bearing[1] / 0.4, 1 / 0.4}};
   Vec<double, 4> r;
-  ASSERT_TRUE((StereoReprojection{bearing, zero, zero}.evaluate(a, b, depth, rig, r, nullptr, nullptr, nullptr)));
+  ASSERT_TRUE(
+      (StereoReprojection<double>{bearing, zero, zero}.evaluate(a, b, depth, rig, r, nullptr, nullptr, nullptr)));
   EXPECT_LT((r.segment<2>(0) - pixel_of(rig, 0, b, p_world)).norm(), 1e-10);
   EXPECT_LT((r.segment<2>(2) - pixel_of(rig, 1, b, p_world)).norm(), 1e-10);
   Vec2d r2;
   ASSERT_TRUE((MonoReprojection<double, 1>{bearing, zero}.evaluate(a, b, depth, rig, r2, nullptr, nullptr, nullptr)));
   EXPECT_LT((r2 - r.segment<2>(2)).norm(), 1e-10);
-  ASSERT_TRUE((AnchorReprojection{bearing, zero}.evaluate(depth, rig, r2, nullptr)));
+  ASSERT_TRUE((AnchorReprojection<double>{bearing, zero}.evaluate(depth, rig, r2, nullptr)));
   EXPECT_LT((r2 - pixel_of(rig, 1, a, p_world)).norm(), 1e-10);
-  ASSERT_TRUE((StereoPointReprojection{zero, zero}.evaluate(b, Point3d{p_world}, rig, r, nullptr, nullptr)));
+  ASSERT_TRUE((StereoPointReprojection<double>{zero, zero}.evaluate(b, Point3d{p_world}, rig, r, nullptr, nullptr)));
   EXPECT_LT((r.segment<2>(0) - pixel_of(rig, 0, b, p_world)).norm(), 1e-10);
   EXPECT_LT((r.segment<2>(2) - pixel_of(rig, 1, b, p_world)).norm(), 1e-10);
 }
@@ -194,13 +195,13 @@ TEST(Reprojection, IsInvalidBehindTheCameraAndTooCloseToIt) {
   Vec2d r;
   for (const double z : {-5.0, -1e-3, 0.0, 0.5 * kLeastDepth}) {
     const Point3d point{T_body_camera * Vec3d{{0.01 * z, 0.0, z}}};
-    EXPECT_FALSE((MonoPointReprojection{Vec2d::zero()}.evaluate(body, point, rig, r, nullptr, nullptr))) << z;
+    EXPECT_FALSE((MonoPointReprojection<double>{Vec2d::zero()}.evaluate(body, point, rig, r, nullptr, nullptr))) << z;
   }
   const Point3d near_enough{T_body_camera * Vec3d{{0.0, 0.0, 1.01 * kLeastDepth}}};
-  EXPECT_TRUE((MonoPointReprojection{Vec2d::zero()}.evaluate(body, near_enough, rig, r, nullptr, nullptr)));
+  EXPECT_TRUE((MonoPointReprojection<double>{Vec2d::zero()}.evaluate(body, near_enough, rig, r, nullptr, nullptr)));
   // The anchor sees it, but the body has moved past it.
   const Pose3d past = body * Pose3d{{}, T_body_camera.R * Vec3d{{0.0, 0.0, 4.0}}};
-  const MonoReprojection residual{Vec2d::zero(), Vec2d::zero()};
+  const MonoReprojection<double> residual{Vec2d::zero(), Vec2d::zero()};
   EXPECT_TRUE((residual.evaluate(body, past, InverseDepthd{0.2}, rig, r, nullptr, nullptr, nullptr)));
   EXPECT_FALSE((residual.evaluate(body, past, InverseDepthd{0.3}, rig, r, nullptr, nullptr, nullptr)));
 }

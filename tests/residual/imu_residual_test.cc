@@ -26,7 +26,7 @@ TEST(ImuResidual, HasTheSameJacobianByThreeWaysNearAndFarFromItsMeasurement) {
   Random random(1);
   for (const double error : {0.0, 1e-160, 1e-8, 1e-3, 0.1, 0.7}) {
     const ImuBiasd bias = random.value<ImuBiasd>(0.05);
-    const ImuResidual residual{random_motion(random, bias).motion};
+    const ImuResidual<double> residual{random_motion(random, bias).motion};
     const Pose3d x_i = random.value<Pose3d>(1.0);
     const Pose3d x_j{x_i.R * residual.motion.dR * Rot3d::exp(random.normal<3>(error)), random.normal<3>(2.0)};
     const Velocity3d v_i = random.value<Velocity3d>(1.0), v_j = random.value<Velocity3d>(1.0);
@@ -48,8 +48,8 @@ TEST(ImuResidual, IsZeroForTheMotionThatWasMeasured) {
   const Pose3d x_j{x_i.R * motion.dR,
                    x_i.t + v_i.v * motion.dt + g * (0.5 * motion.dt * motion.dt) + x_i.R * motion.dp};
   Vec<double, 15> r;
-  ASSERT_TRUE((ImuResidual{motion}.evaluate(x_i, v_i, bias, x_j, v_j, bias, r, nullptr, nullptr, nullptr, nullptr,
-                                            nullptr, nullptr)));
+  ASSERT_TRUE((ImuResidual<double>{motion}.evaluate(x_i, v_i, bias, x_j, v_j, bias, r, nullptr, nullptr, nullptr,
+                                                    nullptr, nullptr, nullptr)));
   EXPECT_LT(r.norm(), 1e-13);
 }
 
@@ -68,8 +68,8 @@ TEST(ImuResidual, StaysAtZeroToSecondOrderWhenTheBiasIsCorrected) {
     Vec<double, 15> r;
     const Velocity3d v_j{kStandardGravity * exact.dt + exact.dv};
     const Pose3d x_j{exact.dR, kStandardGravity * (0.5 * exact.dt * exact.dt) + exact.dp};
-    ASSERT_TRUE((ImuResidual{motion}.evaluate(Pose3d{}, Velocity3d{}, moved, x_j, v_j, moved, r, nullptr, nullptr,
-                                              nullptr, nullptr, nullptr, nullptr)));
+    ASSERT_TRUE((ImuResidual<double>{motion}.evaluate(Pose3d{}, Velocity3d{}, moved, x_j, v_j, moved, r, nullptr,
+                                                      nullptr, nullptr, nullptr, nullptr, nullptr)));
     if (previous > 0.0) {
       EXPECT_NEAR(previous / r.norm(), 100.0, 10.0);
     }

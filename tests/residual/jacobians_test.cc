@@ -80,7 +80,7 @@ TEST(PoseGraphEdge3, HasTheSameJacobianByThreeWays) {
   for (int i = 0; i < 50; ++i) {
     const Pose3d a = random.value<Pose3d>(1.0), measured = random.value<Pose3d>(1.0);
     const Pose3d b = i % 2 == 0 ? a * measured : random.value<Pose3d>(0.7);
-    expect_all(PoseGraphEdge3{measured}, a, b);
+    expect_all(PoseGraphEdge3<double>{measured}, a, b);
   }
 }
 
@@ -90,7 +90,7 @@ TEST(PoseGraphEdge2, HasTheSameJacobianByThreeWays) {
   for (int i = 0; i < 50; ++i) {
     const Pose2d a = random.value<Pose2d>(1.0), measured = random.value<Pose2d>(1.0);
     const Pose2d b = i % 2 == 0 ? a * measured : random.value<Pose2d>(0.7);
-    expect_all(PoseGraphEdge2{measured}, a, b);
+    expect_all(PoseGraphEdge2<double>{measured}, a, b);
   }
 }
 
@@ -102,7 +102,7 @@ TEST(BalReprojection, HasTheSameJacobianByThreeWaysInFrontAndBehind) {
     const BalCamerad camera{Rot3d::exp(phi), t, 500.0, random.uniform(-0.2, 0.2), random.uniform(-0.05, 0.05)};
     const Vec3d P = {{random.uniform(-2, 2), random.uniform(-2, 2), i % 2 == 0 ? -6.0 : 5.0}};
     const Point3d point{camera.R_camera_world.inverse() * (P - t)};
-    expect_all(BalReprojection{random.normal<2>(100.0)}, camera, point);
+    expect_all(BalReprojection<double>{random.normal<2>(100.0)}, camera, point);
   }
 }
 
@@ -123,10 +123,10 @@ TEST(Reprojection, OfAnchoredInverseDepthsHasTheSameJacobianByThreeWaysNearAndFa
       }
       expect_pack_equals_double(residual, x...);
     };
-    check(StereoReprojection{bearing, pixel0, pixel1}, a, b, depth, rig);
-    check(MonoReprojection{bearing, pixel0}, a, b, depth, rig);
+    check(StereoReprojection<double>{bearing, pixel0, pixel1}, a, b, depth, rig);
+    check(MonoReprojection<double>{bearing, pixel0}, a, b, depth, rig);
     check(MonoReprojection<double, 1>{bearing, pixel1}, a, b, depth, rig);
-    check(AnchorReprojection{bearing, pixel1}, depth, rig);
+    check(AnchorReprojection<double>{bearing, pixel1}, depth, rig);
   }
 }
 
@@ -140,8 +140,8 @@ TEST(Reprojection, OfPointsHasTheSameJacobianByThreeWays) {
     const Vec3d p_camera = {{z * random.uniform(-0.5, 0.5), z * random.uniform(-0.4, 0.4), z}};
     const Point3d point{b * (rig.cameras[0].T_body_camera() * p_camera)};
     const Vec2d pixel0 = random.normal<2>(100.0), pixel1 = random.normal<2>(100.0);
-    expect_all(StereoPointReprojection{pixel0, pixel1}, b, point, rig);
-    expect_all(MonoPointReprojection{pixel0}, b, point, rig);
+    expect_all(StereoPointReprojection<double>{pixel0, pixel1}, b, point, rig);
+    expect_all(MonoPointReprojection<double>{pixel0}, b, point, rig);
     expect_all(MonoPointReprojection<double, 1>{pixel1}, b, point, rig);
   }
 }

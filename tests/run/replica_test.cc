@@ -1,8 +1,8 @@
 // A replica in a process of its own comes to the same bits.
 #include <gtest/gtest.h>
-#include <signal.h>
 #include <sys/wait.h>
 
+#include <csignal>
 #include <thread>
 
 #include "graph/random_graph.h"

@@ -2,11 +2,10 @@
 // meanwhile and workers that die.
 #include "oriel/run/solve_beside.h"
 
-#include <dirent.h>
 #include <gtest/gtest.h>
-#include <signal.h>
 
 #include <chrono>
+#include <csignal>
 #include <fstream>
 #include <iostream>
 #include <thread>

@@ -1,7 +1,7 @@
 // A window whose solves run in another thread or process flies the same way, bit for bit, also when workers are killed.
 #include <gtest/gtest.h>
-#include <signal.h>
 
+#include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <iostream>

@@ -50,7 +50,7 @@ std::string name_of_process(pid_t pid) {
   std::getline(comm, name);
   return name;
 }
-bool exists(pid_t pid) { return ::kill(pid, 0) == 0 && name_of_process(pid) != ""; }
+bool exists(pid_t pid) { return ::kill(pid, 0) == 0 && !name_of_process(pid).empty(); }
 int descriptor_count() {
   int n = 0;
   DIR* fds = ::opendir("/proc/self/fd");

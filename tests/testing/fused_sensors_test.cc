@@ -1,6 +1,8 @@
 // GNSS, wheel odometry and ranges of a simulated world in one graph, against its truth.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include <vector>
 
 #include "oriel/evaluate/nees.h"
@@ -61,7 +63,7 @@ void build(SimulatedWorld& world, Fusion& f) {
     f.last = m.time;
   }
   for (const SimulatedMeasurement& m : others) {
-    const auto k = static_cast<std::size_t>((m.time - o.start).seconds() * 10.0 + 0.5);
+    const auto k = static_cast<std::size_t>(std::lround((m.time - o.start).seconds() * 10.0));
     if (m.sensor == Sensor::gnss)
       edit.add(GnssPositiond{m.position}, Sigma(o.gnss.sigma), f.poses[k], gnss_antenna);
     else
