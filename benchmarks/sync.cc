@@ -61,9 +61,9 @@ struct Drive {
   // Somewhere: n loops are closed anew, n factors that were there go.
   void change_anywhere(int n) {
     GraphEdit edit = graph.edit();
-    const FactorTable& table = *std::find_if(graph.tables().begin(), graph.tables().end(), [](const auto& t) {
-                                  return t->ops().residual == Between<Pose2d>::kName;
-                                })->get();
+    const auto found = std::find_if(graph.tables().begin(), graph.tables().end(),
+                                    [](const auto& t) { return t->ops().residual == Between<Pose2d>::kName; });
+    const FactorTable& table = **found;
     std::vector<std::uint32_t> rows;
     for (int i = 0; i < n; ++i) rows.push_back(static_cast<std::uint32_t>(below(static_cast<int>(table.extent()))));
     std::sort(rows.begin(), rows.end());
@@ -133,7 +133,7 @@ int run(int variables, int runs) {
       anywhere{"1 % of the factors changed anywhere"}, losses{"1 % of the losses set"};
   for (int i = 0; i < runs; ++i) {
     Drive drive;
-    drive.random = static_cast<std::uint64_t>(i + 1);
+    drive.random = static_cast<std::uint64_t>(i) + 1;
     drive.add_newest(variables);
     LinearStructure structure;
     Linearizer linearizer;

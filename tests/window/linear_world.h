@@ -189,8 +189,8 @@ class LevelProvider final : public StateProvider {
 enum class What { position, level, offset, landmark };
 struct Unknown {
   What what = What::position;
-  std::int64_t number = 0;  // the time [ns] of a state; else which landmark
-  auto operator<=>(const Unknown&) const = default;
+  std::int64_t number = 0;                           // the time [ns] of a state; else which landmark
+  auto operator<=>(const Unknown&) const = default;  // NOLINT(modernize-use-nullptr): clang-tidy 14 means its 0
   int dim() const { return what == What::level ? 3 : what == What::offset ? 1 : 2; }
 };
 
