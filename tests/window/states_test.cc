@@ -136,7 +136,7 @@ TEST_F(StatesTest, SplitsTheMotionWhereAStateComesBetweenTwo) {
 
 // W3, W8
 TEST_F(StatesTest, EndAtTheSameOptimumInWhateverOrderTheyCame) {
-  auto optimum = [](std::vector<int> order) {
+  auto optimum = [](const std::vector<int>& order) {
     StatesTest_EndAtTheSameOptimumInWhateverOrderTheyCame_Test t;
     EXPECT_TRUE(t.make(t.positions, at_ms(0)).ok());
     for (const int ms : order) EXPECT_TRUE(t.make(t.positions, at_ms(ms)).ok());

@@ -15,13 +15,13 @@ using Status = WindowUpdate::Status;
 
 // What N sightings of a landmark say about the positions, the landmark projected out: landmark = x_i + z_i, so that the
 // contrasts of those sums are zero. Rows of Helmert: (Σ_{j<i} s_j - i s_i) / √(i (i + 1)), i = 1 … N - 1, s = x + z.
+constexpr std::string_view kContrastNames[] = {
+    "", "", "test.contrast2/1", "test.contrast3/1", "test.contrast4/1", "test.contrast5/1"};
 template <int N, class>
 struct ContrastOf;
 template <int N, std::size_t... I>
 struct ContrastOf<N, std::index_sequence<I...>> {
-  static constexpr std::string_view kNames[] = {
-      "", "", "test.contrast2/1", "test.contrast3/1", "test.contrast4/1", "test.contrast5/1"};
-  static constexpr std::string_view kName = kNames[N];
+  static constexpr std::string_view kName = kContrastNames[N];
   static constexpr int kDim = 2 * (N - 1);
   template <std::size_t>
   using Each = Position;

@@ -116,7 +116,7 @@ class WindowModel {
       for (const Unknown& u : unknowns(chain, time)) leaving.insert(u);
       newest = std::max(newest, time);
     }
-    const Landmarks by_policy = judge_landmarks(leaving, policy);
+    Landmarks by_policy = judge_landmarks(leaving, policy);
     for (const int l : by_policy.gone) leaving.insert({What::landmark, l});
     eliminate(leaving, remembers ? &newest : nullptr);
     for (const auto& [chain, time] : states) {
