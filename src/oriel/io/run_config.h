@@ -9,7 +9,7 @@
 namespace oriel {
 
 struct RunConfig {
-  std::string task = "inertial_odometry";  // which one; names of tasks are docs/config.md's
+  std::string task = "inertial_odometry";  // the only one so far
   std::string engine = "native";           // of the solves
   ExecutorKind executor = ExecutorKind::in_place;
   Duration time_limit{0};             // of a job [ns]; 0: none

@@ -75,6 +75,23 @@ Result<SolveOutput> SolveContext::solve(const SolveInput& input) {
   return out;
 }
 
+SolveOwner::SolveOwner(SolveOwner&& other) noexcept
+    : graph_(std::exchange(other.graph_, nullptr)),
+      types_(std::move(other.types_)),
+      subscription_(other.subscription_),
+      subscribed_(other.subscribed_),
+      whole_(other.whole_),
+      sequence_(other.sequence_),
+      state_(other.state_),
+      outcome_(other.outcome_),
+      edit_(std::move(other.edit_)),
+      solution_(std::move(other.solution_)),
+      written_(std::move(other.written_)) {}
+
+SolveOwner::~SolveOwner() {
+  if (graph_ != nullptr && subscribed_) graph_->unsubscribe(subscription_);
+}
+
 void SolveOwner::begin_anew() {
   if (subscribed_) graph_->unsubscribe(subscription_);
   subscription_ = graph_->subscribe();

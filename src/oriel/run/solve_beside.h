@@ -7,9 +7,9 @@
 //                                  // fixed, or was set meanwhile
 //
 // The worker holds a replica that follows by net edits (change_log.h) and keeps its structure from job to job. When it
-// is lost, or a job fails, the next one takes the whole graph: the owner's graph is the checkpoint, so that results are
-// those of an undisturbed run. Submit and write_back stand at points that the owner's data define (a keyframe, so many
-// updates later); then a run has the same bits wherever it is solved.
+// is lost, or a job fails, the next one takes the whole graph: the owner's graph is the checkpoint. Where nothing was
+// edited meanwhile, results are those of an undisturbed run. Submit and write_back stand at points that the owner's
+// data define (a keyframe, so many updates later); then a run has the same bits wherever it is solved.
 #pragma once
 #include "oriel/run/executor.h"
 #include "oriel/run/message.h"
@@ -48,6 +48,9 @@ class SolveContext {
 class SolveOwner {
  public:
   SolveOwner(Graph& graph, TypeList types) : graph_(&graph), types_(std::move(types)) { begin_anew(); }
+  SolveOwner(SolveOwner&& other) noexcept;
+  SolveOwner& operator=(SolveOwner&&) = delete;
+  ~SolveOwner();  // the graph keeps nothing for it any more
   SolveInput collect(const SolveOptions& options);
   void write(const SolveOutput& output);
   const Result<void>& written() const { return written_; }  // what came of it
@@ -59,7 +62,7 @@ class SolveOwner {
  private:
   Result<void> take(const SolveOutput& output);
 
-  Graph* graph_;
+  Graph* graph_;  // null: moved from
   TypeList types_;
   Subscription subscription_;
   bool subscribed_ = false, whole_ = true;

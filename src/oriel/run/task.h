@@ -82,7 +82,7 @@ concept Task = requires {
 // What a task is to an executor: functions over bytes.
 struct TaskOps {
   const char* name = "";
-  bool context_copies = false, context_travels = false, merges = false;
+  bool context_copies = false, context_travels = false;
   // A context of an encoded config, or of one that travelled.
   Result<void*> (*make_context)(std::span<const std::byte> config) = nullptr;
   Result<void*> (*receive_context)(std::span<const std::byte> message) = nullptr;
@@ -177,13 +177,14 @@ constexpr const char* name_of() {
 }  // namespace task_detail
 
 template <Task T>
-inline constexpr TaskOps kTaskOps = {task_detail::name_of<T>(), std::copy_constructible<TaskContext<T>>,
-                                     Transferable<TaskContext<T>>, requires(const TaskInput<T>& in){T::merge(in, in);
-}  // namespace oriel
-, &task_detail::make_context<T>, &task_detail::receive_context<T>, &task_detail::send_context<T>,
-    [](void* context) { delete static_cast<TaskContext<T>*>(context); }, &task_detail::optimize<T>,
-    &task_detail::merge<T>
-}
-;
+inline constexpr TaskOps kTaskOps = {task_detail::name_of<T>(),
+                                     std::copy_constructible<TaskContext<T>>,
+                                     Transferable<TaskContext<T>>,
+                                     &task_detail::make_context<T>,
+                                     &task_detail::receive_context<T>,
+                                     &task_detail::send_context<T>,
+                                     [](void* context) { delete static_cast<TaskContext<T>*>(context); },
+                                     &task_detail::optimize<T>,
+                                     &task_detail::merge<T>};
 
 }  // namespace oriel
