@@ -94,6 +94,7 @@ TEST(Minimizer, RejectsAnUphillStepThatTheLinearModelWouldLike) {  // L4
   NativeEngine engine(p.graph);
   SolveOptions options;
   options.max_iterations = 1;
+  options.initial_lambda = 1e-8;  // a leap
   const Summary first = engine.solve(options);
   EXPECT_EQ(first.rejected, 1);
   EXPECT_EQ(first.accepted, 0);

@@ -56,20 +56,6 @@ constexpr Named kProblems[] = {
     {"Eckerle4", Model::eckerle4}, {"Rat43", Model::rat43},      {"Bennett5", Model::bennett5},
 };
 
-// The same for all problems and both starts: on until nothing more can be gained.
-SolveOptions strict(Method method) {
-  SolveOptions o;
-  o.method = method;
-  o.max_iterations = 10000;
-  // Gauss–Newton stops where the cost rises, be it in the last digit.
-  o.function_tolerance = method == Method::gauss_newton ? 1e-12 : 1e-16;
-  o.gradient_tolerance = 0.0;
-  o.step_tolerance = 0.0;
-  o.initial_lambda = 1e4;  // careful: the first starts lie far off, and a leap may land on a plateau
-  o.initial_radius = 0.2;
-  return o;
-}
-
 struct Outcome {
   double digits = 0.0;
   bool finite = true;
@@ -108,7 +94,9 @@ Outcome fit(const NistProblem& problem, Model model, int start, Method method) {
   EXPECT_TRUE(graph.apply(edit));
   NativeEngine engine(graph);
   Outcome out;
-  out.summary = engine.solve(strict(method));
+  SolveOptions options;  // all others as they come
+  options.method = method;
+  out.summary = engine.solve(options);
   b = graph.value(id);
   make_canonical(model, b.v);
   double worst = 0.0;

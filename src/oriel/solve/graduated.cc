@@ -86,7 +86,8 @@ class GraduatedSolve {
     SolveOptions some = options_.solve;
     if (auto ok = set([](const Loss&) { return Loss::none(); }); !ok) return ok.error();
     round(some);  // least squares, to its minimum: it says how far out the worst is
-    some.max_iterations = std::min(some.max_iterations, options_.round_iterations);
+    if (some.max_iterations < 0 || some.max_iterations > options_.round_iterations)
+      some.max_iterations = options_.round_iterations;
     Schedule schedule(largest_share(graph_, factors_), options_.growth);
     for (; !report_.summary.failed() && !schedule.is_done() && report_.rounds < options_.max_rounds;
          schedule.advance()) {

@@ -58,14 +58,10 @@ bool Minimizer::start() {
   summary_.factor_flops = s.factorization().symbolic().flops();
   summary_.schur_flops = s.landmark_flops();
   name_linear_solver();
-  const double automatic = s.landmarks().empty() ? 1e-8 : 1e-4;
-  lambda_ = options_.method == Method::gauss_newton ? 0.0
-            : options_.method == Method::dogleg     ? kDoglegLambda
-            : options_.initial_lambda > 0.0         ? options_.initial_lambda
-                                                    : automatic;
+  settled_ = settle(options_, !s.landmarks().empty(), is_regression(*e_.graph_));
+  lambda_ = options_.method == Method::dogleg ? kDoglegLambda : settled_.initial_lambda;
   if (options_.method == Method::dogleg) {
-    const double radius = s.landmarks().empty() ? HUGE_VAL : 1e4;
-    e_.dogleg_.start(options_.initial_radius > 0.0 ? options_.initial_radius : radius);
+    e_.dogleg_.start(settled_.initial_radius);
     e_.product_.prepare(s);
   }
   fallbacks_before_ = e_.linearizer_.kernel_fallbacks();
@@ -73,7 +69,7 @@ bool Minimizer::start() {
   e_.point_.take(*e_.graph_);
   e_.linearizer_.first_estimates = options_.first_estimates;
   if (options_.trace)
-    summary_.trace.reserve(static_cast<std::size_t>(std::clamp(options_.max_iterations, 0, 1000)) + 1);
+    summary_.trace.reserve(static_cast<std::size_t>(std::clamp(settled_.max_iterations, 0, 1000)) + 1);
   evaluate(e_.point_, nullptr, e_.active_);
   evaluated_ = true;
   cost_ = summary_.initial_cost = e_.active_.total;
@@ -100,8 +96,8 @@ void Minimizer::name_linear_solver() {
 // One trial. True when a new linearization is wanted, or nothing more. A trial that a deadline cut short is no
 // iteration: a replay that is told their number does the same work.
 bool Minimizer::iterate() {
-  if (summary_.iterations >= options_.max_iterations) {
-    stop(Reason::max_iterations, summary_.iterations, options_.max_iterations);
+  if (summary_.iterations >= settled_.max_iterations) {
+    stop(Reason::max_iterations, summary_.iterations, settled_.max_iterations);
     return true;
   }
   if (out_of_time()) return true;
@@ -148,8 +144,8 @@ void Minimizer::linearize() {
   }
   if (!std::isfinite(summary_.gradient))
     stop(Reason::not_finite, summary_.gradient, 0);
-  else if (summary_.gradient <= options_.gradient_tolerance)
-    stop(Reason::gradient_tolerance, summary_.gradient, options_.gradient_tolerance);
+  else if (summary_.gradient <= settled_.gradient_tolerance)
+    stop(Reason::gradient_tolerance, summary_.gradient, settled_.gradient_tolerance);
 }
 
 bool Minimizer::find_step() { return options_.method == Method::dogleg ? find_dogleg_step() : solve_linear(); }
@@ -253,7 +249,7 @@ double Minimizer::predicted_gain() const {
 
 bool Minimizer::accept(double trial_cost, double gain) {
   const double decrease = cost_ - trial_cost;
-  if (!(decrease > 0.0)) return converged_by_cost(std::fabs(decrease)) && gain <= options_.function_tolerance * cost_;
+  if (!(decrease > 0.0)) return converged_by_cost(std::fabs(decrease)) && gain <= settled_.function_tolerance * cost_;
   std::swap(e_.point_, e_.trial_);
   ++summary_.accepted;
   summary_.gain_open = false;
@@ -271,20 +267,20 @@ bool Minimizer::accept(double trial_cost, double gain) {
   if (options_.method == Method::dogleg) e_.dogleg_.accepted(decrease);
   nu_ = 2.0;
   if (!report(true)) return true;
-  const bool small = !sides_changed && decrease <= options_.function_tolerance * cost_;
+  const bool small = !sides_changed && decrease <= settled_.function_tolerance * cost_;
   small_in_a_row_ = small ? small_in_a_row_ + 1 : 0;
   if (small && (!is_cut() || small_in_a_row_ >= kSmallInARow))
-    stop(Reason::function_tolerance, decrease, options_.function_tolerance * cost_);
+    stop(Reason::function_tolerance, decrease, settled_.function_tolerance * cost_);
   return true;
 }
 
 // A step that changes nothing that could be measured ends the solve as well; but not one that is so short because
 // others from here were rejected. False for a cost that is not a number.
 bool Minimizer::converged_by_cost(double decrease) {
-  const double bound = options_.function_tolerance * cost_;
+  const double bound = settled_.function_tolerance * cost_;
   if (!(decrease <= bound) || !(summary_.predicted_gain.value_or(HUGE_VAL) <= bound) || nu_ > 2.0 || is_cut())
     return false;
-  stop(Reason::function_tolerance, decrease, options_.function_tolerance * cost_);
+  stop(Reason::function_tolerance, decrease, settled_.function_tolerance * cost_);
   return true;
 }
 
@@ -311,8 +307,8 @@ void Minimizer::reject() {
 
 bool Minimizer::step_is_tiny() {
   const double size = largest(e_.step_);
-  if (size > options_.step_tolerance) return false;
-  stop(Reason::step_tolerance, size, options_.step_tolerance);
+  if (size > settled_.step_tolerance) return false;
+  stop(Reason::step_tolerance, size, settled_.step_tolerance);
   return true;
 }
 

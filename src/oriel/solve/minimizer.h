@@ -1,5 +1,6 @@
 // One solve: the main loop, and its stages as verbs.
 #pragma once
+#include "oriel/solve/defaults.h"
 #include "oriel/solve/native_engine.h"
 
 namespace oriel {
@@ -58,6 +59,7 @@ class Minimizer {
 
   NativeEngine& e_;
   const SolveOptions& options_;
+  Settled settled_;  // of those that were left open
   Summary summary_;
   TaskPool* pool_ = nullptr;
   double began_;                       // [s]

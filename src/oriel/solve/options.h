@@ -20,20 +20,24 @@ struct IterationReport {
   bool accepted = true;
 };
 
+// For options that the engine chooses by the problem (solve/defaults.h). A regression, where nothing is free but one
+// VectorN, is given what its digits need; everything else what a fair start needs.
+inline constexpr int kAutomatic = -1;
+
 struct SolveOptions {
   Method method = Method::levenberg_marquardt;
-  int max_iterations = 100;  // accepted or rejected steps
-  int threads = 1;           // of this solve; the result has the same bits for any number
+  int max_iterations = kAutomatic;  // accepted or rejected steps; 100, of a regression 10 000
+  int threads = 1;                  // of this solve; the result has the same bits for any number
   // Converged where: cost falls by ≤ function_tolerance · cost; or the largest gradient entry ≤ gradient_tolerance;
   // or |step| ≤ step_tolerance (in tangent units, per scalar).
-  double function_tolerance = 1e-9;
-  double gradient_tolerance = 1e-10;
-  double step_tolerance = 1e-12;
+  // Chosen by the engine: 1e-9, 1e-10 and 1e-12; of a regression 1e-16, 0 and 0.
+  double function_tolerance = kAutomatic, gradient_tolerance = kAutomatic, step_tolerance = kAutomatic;
   // Damping to begin with, relative to the diagonal of H. 0: 1e-4 where landmarks are eliminated (their depths are far
-  // from linear), 1e-8 elsewhere (a pose graph from a fair start is best left to Gauss–Newton).
+  // from linear), 1e4 for a regression (it starts from anywhere), 1e-8 elsewhere (a pose graph from a fair start is
+  // best left to Gauss–Newton).
   double initial_lambda = 0.0;
-  // Of a dogleg's trust region to begin with, in units of √diag(H). 0: 1e4 where landmarks are eliminated, none
-  // elsewhere: the first Gauss–Newton step is tried as it is.
+  // Of a dogleg's trust region to begin with, in units of √diag(H). 0: 1e4 where landmarks are eliminated, 0.2 for a
+  // regression, none elsewhere: the first Gauss–Newton step is tried as it is.
   double initial_radius = 0.0;
   // automatic: direct, but for bundle adjustments too large to factor; by sizes alone.
   LinearSolver linear_solver = LinearSolver::automatic;

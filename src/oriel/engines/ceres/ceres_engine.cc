@@ -1,18 +1,20 @@
 #include "oriel/engines/ceres/ceres_engine.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <string_view>
 
 #include "oriel/engines/ceres/ceres_problem.h"
+#include "oriel/solve/defaults.h"
 
 namespace oriel {
 namespace {
 
 using ceres_detail::CeresProblem;
 
-constexpr double kLeastRadius = 1e-32;
+constexpr double kLeastRadius = 1e-32, kLeastLambda = 1e-16;
 
 double now(const SolveOptions& options) {
   if (options.clock) return options.clock();
@@ -57,27 +59,20 @@ class Reporter final : public ceres::IterationCallback {
   double seconds_ = 0.0;  // of the last one
 };
 
-// The damping that the native engine begins with where the caller leaves it to the engine (solve/options.h).
-double initial_lambda(const SolveOptions& options, bool landmarks) {
-  if (options.method == Method::gauss_newton) return 1e-16;
-  if (options.initial_lambda > 0.0) return options.initial_lambda;
-  return landmarks ? 1e-4 : 1e-8;
-}
-
-ceres::Solver::Options ceres_options(const SolveOptions& options, bool landmarks) {
+ceres::Solver::Options ceres_options(const SolveOptions& options, const Settled& settled, bool landmarks) {
   ceres::Solver::Options o;
   o.linear_solver_type = landmarks ? ceres::SPARSE_SCHUR : ceres::SPARSE_NORMAL_CHOLESKY;
-  o.initial_trust_region_radius = 1.0 / initial_lambda(options, landmarks);
+  o.initial_trust_region_radius = 1.0 / std::max(settled.initial_lambda, kLeastLambda);
   if (options.method == Method::dogleg) {
     o.trust_region_strategy_type = ceres::DOGLEG;
-    o.initial_trust_region_radius = options.initial_radius > 0.0 ? options.initial_radius : landmarks ? 1e4 : 1e16;
+    o.initial_trust_region_radius = std::min(settled.initial_radius, 1.0 / kLeastLambda);
   }
   o.max_trust_region_radius = 1e20;
   o.min_trust_region_radius = kLeastRadius;
-  o.max_num_iterations = options.max_iterations;
+  o.max_num_iterations = settled.max_iterations;
   o.num_threads = options.threads;
-  o.function_tolerance = options.function_tolerance;
-  o.gradient_tolerance = options.gradient_tolerance;
+  o.function_tolerance = settled.function_tolerance;
+  o.gradient_tolerance = settled.gradient_tolerance;
   o.parameter_tolerance = 0.0;         // relative in Ceres, which ours is not
   o.max_solver_time_in_seconds = 1e9;  // the reporter looks at the clock that was asked for
   o.logging_type = ceres::SILENT;
@@ -96,7 +91,8 @@ double told_decrease(const ceres::Solver::Summary& c) {
   return at == std::string::npos ? 0.0 : std::strtod(c.message.c_str() + at + kBefore.size(), nullptr) * c.final_cost;
 }
 
-void explain(const SolveOptions& options, const ceres::Solver::Summary& c, const Reporter& reporter, Summary& s) {
+void explain(const SolveOptions& options, const Settled& settled, const ceres::Solver::Summary& c,
+             const Reporter& reporter, Summary& s) {
   using End = Reporter::End;
   const ceres::IterationSummary& last = reporter.last();
   const double cost = c.final_cost;
@@ -109,14 +105,14 @@ void explain(const SolveOptions& options, const ceres::Solver::Summary& c, const
     set_reason(s, Reason::deadline, reporter.seconds(), options.deadline.seconds());
   else if (reporter.end() == End::diverged)
     set_reason(s, Reason::diverged, cost - last.cost_change, cost);
-  else if (converged && last.gradient_max_norm <= options.gradient_tolerance)
-    set_reason(s, Reason::gradient_tolerance, last.gradient_max_norm, options.gradient_tolerance);
+  else if (converged && last.gradient_max_norm <= settled.gradient_tolerance)
+    set_reason(s, Reason::gradient_tolerance, last.gradient_max_norm, settled.gradient_tolerance);
   else if (converged && last.trust_region_radius <= kLeastRadius)
     set_reason(s, Reason::no_descending_step, 1.0 / last.trust_region_radius, 1.0 / kLeastRadius);
   else if (converged)
-    set_reason(s, Reason::function_tolerance, told_decrease(c), options.function_tolerance * cost);
+    set_reason(s, Reason::function_tolerance, told_decrease(c), settled.function_tolerance * cost);
   else
-    set_reason(s, Reason::max_iterations, s.iterations, options.max_iterations);
+    set_reason(s, Reason::max_iterations, s.iterations, settled.max_iterations);
 }
 
 void copy_figures(const ceres::Solver::Summary& c, Summary& s) {
@@ -176,7 +172,8 @@ Summary CeresEngine::solve(const SolveOptions& options) noexcept {
     s.initial_cost = s.final_cost = s.fresh_cost = problem_->cost();
     return s;
   }
-  ceres::Solver::Options o = ceres_options(options, size.has_landmarks);
+  const Settled settled = settle(options, size.has_landmarks, is_regression(*graph_));
+  ceres::Solver::Options o = ceres_options(options, settled, size.has_landmarks);
   Reporter reporter(options, began, s);
   o.callbacks.push_back(&reporter);
   ceres::Solver::Summary c;
@@ -185,7 +182,7 @@ Summary CeresEngine::solve(const SolveOptions& options) noexcept {
   copy_figures(c, s);
   s.gradient = reporter.last().gradient_max_norm;
   s.lambda = 1.0 / reporter.last().trust_region_radius;
-  explain(options, c, reporter, s);
+  explain(options, settled, c, reporter, s);
   if (!s.failed() && !graph_->adopt(problem_->solution(version))) set_reason(s, Reason::not_finite, s.final_cost, 0.0);
   failed_ = s.failed();
   if (failed_) s.final_cost = s.initial_cost;
