@@ -90,11 +90,32 @@ Result<void> Multifrontal::analyze(const BlockPattern& pattern, const FactorOpti
     analyzed_order_.insert(analyzed_order_.end(), given.begin(), given.end());
     ++analyses_;
   }
-  const auto total = static_cast<std::size_t>(symbolic_.total_dim());
-  diagonal_.assign(total, 0.0), threshold_.assign(total, 0.0), inverse_diagonal_.assign(total, 0.0);
-  vector_.assign(total, 0.0);
-  report_ = {};
+  prepare_vectors();
   return {};
+}
+
+Result<void> Multifrontal::follow(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> order,
+                                  std::span<const int> changed) {
+  FactorOptions given = options;
+  given.ordering = OrderingMethod::given;
+  if (auto ok = check_input(pattern, given, order, ordering_); !ok) return ok;
+  relative_pivot_ = options.relative_pivot;
+  if (symbolic_.update(pattern, order, changed))
+    ++updates_;
+  else
+    symbolic_.analyze(pattern, order), ++analyses_;
+  analyzed_ordering_ = OrderingMethod::given;
+  analyzed_.reset({});  // it is told what changed, and has nothing to compare with
+  analyzed_order_.assign(1, -1);
+  prepare_vectors();
+  return {};
+}
+
+// Every value of a vector is written before it is read.
+void Multifrontal::prepare_vectors() {
+  const auto total = static_cast<std::size_t>(symbolic_.total_dim());
+  diagonal_.resize(total), threshold_.resize(total), inverse_diagonal_.resize(total), vector_.resize(total);
+  report_ = {};
 }
 
 bool Multifrontal::is_known(const BlockPattern& pattern, const FactorOptions& options,
@@ -133,10 +154,10 @@ const FactorReport& Multifrontal::factor(const double* h, const double* damping,
   reserve(pool == nullptr ? 1 : pool->workers());
   const auto subtrees = symbolic_.subtrees();
   parallel_for(pool, static_cast<int>(subtrees.size()), [&](int task, int worker) {
-    for (int i = subtrees[task].first; i <= subtrees[task].last; ++i) factor_front(i, h, damping, worker, nullptr);
+    for (const int i : symbolic_.fronts_of(subtrees[task])) factor_front(i, h, damping, worker, nullptr);
   });
   const auto fronts = symbolic_.fronts();
-  for (int i = 0; i < static_cast<int>(fronts.size()); ++i)
+  for (const int i : symbolic_.sequence())
     if (fronts[i].task < 0) factor_front(i, h, damping, 0, pool);
   make_report();
   return report_;
@@ -161,8 +182,8 @@ void Multifrontal::factor_front(int front, const double* h, const double* dampin
 void Multifrontal::copy_pivots(const Front& f, const double* h, const double* damping) {
   double* const panel = factor_.data() + f.offset;
   std::memset(panel, 0, sizeof(double) * f.ld * f.p);
-  for (int k = f.first_position, j = 0; k < f.first_position + f.pivot_blocks; ++k) {
-    const int block = symbolic_.order()[k];
+  int j = 0;
+  for (const int block : symbolic_.pivots(f)) {
     const Symbolic::MatrixColumn& column = symbolic_.matrix_column(block);
     const auto runs = symbolic_.runs(column);
     const double* add = damping == nullptr ? nullptr : damping + symbolic_.input_offset(block);
@@ -180,7 +201,7 @@ void Multifrontal::copy_pivots(const Front& f, const double* h, const double* da
 
 double* Multifrontal::update_of(int front, int worker) {
   const Front& f = symbolic_.fronts()[front];
-  const bool shared = f.task < 0 || symbolic_.subtrees()[f.task].last == front;
+  const bool shared = f.task < 0 || symbolic_.fronts_of(symbolic_.subtrees()[f.task]).back() == front;
   return (shared ? shared_arena_.data() : task_arenas_[worker].data()) + f.update_offset;
 }
 
@@ -197,44 +218,48 @@ void Multifrontal::assemble(int front, int worker, double* to, std::int64_t ld, 
 
 void Multifrontal::make_report() {
   report_ = {};
-  int not_finite = -1, smallest = -1;
-  for (int j = 0; j < symbolic_.total_dim(); ++j) {
-    const double inverse = inverse_diagonal_[j];
-    const double ratio = 1.0 / (inverse * inverse * diagonal_[j]);
-    if (inverse > 0.0 && std::isfinite(diagonal_[j])) [[likely]] {
-      if (ratio < report_.smallest_ratio) report_.smallest_ratio = ratio, smallest = j;
-      continue;
-    }
-    const Front& f = *std::prev(std::upper_bound(symbolic_.fronts().begin(), symbolic_.fronts().end(), j,
-                                                 [](int s, const Front& g) { return s < g.first_scalar; }));
-    const std::int64_t column = j - f.first_scalar;
-    if (!std::isfinite(factor_.data()[f.offset + column + column * f.ld]) || !std::isfinite(diagonal_[j])) {
-      if (not_finite < 0) not_finite = j;
-    } else {
-      const auto k = static_cast<std::size_t>(report_.undetermined_count++);
-      if (k < report_.undetermined.size()) report_.undetermined[k] = locate(j);
+  int not_finite = -1, smallest = -1, not_finite_front = -1, smallest_front = -1;
+  for (const int i : symbolic_.sequence()) {
+    const Front& f = symbolic_.fronts()[i];
+    for (int j = f.first_scalar; j < f.first_scalar + f.p; ++j) {
+      const double inverse = inverse_diagonal_[j];
+      const double ratio = 1.0 / (inverse * inverse * diagonal_[j]);
+      if (inverse > 0.0 && std::isfinite(diagonal_[j])) [[likely]] {
+        if (ratio < report_.smallest_ratio) report_.smallest_ratio = ratio, smallest = j, smallest_front = i;
+        continue;
+      }
+      const std::int64_t column = j - f.first_scalar;
+      if (!std::isfinite(factor_.data()[f.offset + column + column * f.ld]) || !std::isfinite(diagonal_[j])) {
+        if (not_finite < 0) not_finite = j, not_finite_front = i;
+      } else {
+        const auto k = static_cast<std::size_t>(report_.undetermined_count++);
+        if (k < report_.undetermined.size()) report_.undetermined[k] = locate(f, j);
+      }
     }
   }
-  if (smallest >= 0) report_.smallest = locate(smallest);
+  if (smallest >= 0) report_.smallest = locate(symbolic_.fronts()[smallest_front], smallest);
   if (report_.undetermined_count > 0) report_.status = FactorReport::Status::undetermined;
-  if (not_finite >= 0) report_.status = FactorReport::Status::not_finite, report_.not_finite = locate(not_finite);
+  if (not_finite >= 0) {
+    report_.status = FactorReport::Status::not_finite;
+    report_.not_finite = locate(symbolic_.fronts()[not_finite_front], not_finite);
+  }
 }
 
-FactorReport::Scalar Multifrontal::locate(int scalar) const {
-  const auto order = symbolic_.order();
-  const auto found = std::upper_bound(order.begin(), order.end(), scalar,
+FactorReport::Scalar Multifrontal::locate(const Front& front, int scalar) const {
+  const auto pivots = symbolic_.pivots(front);
+  const auto found = std::upper_bound(pivots.begin(), pivots.end(), scalar,
                                       [this](int s, int block) { return s < symbolic_.scalar(block); });
   const int block = *std::prev(found);
   return {block, scalar - symbolic_.scalar(block)};
 }
 
 void Multifrontal::to_elimination_order(const double* b, double* y) const {
-  for (int block : symbolic_.order())
+  for (int block = 0; block < symbolic_.blocks(); ++block)
     std::copy_n(b + symbolic_.input_offset(block), symbolic_.dim(block), y + symbolic_.scalar(block));
 }
 
 void Multifrontal::from_elimination_order(const double* y, double* x) const {
-  for (int block : symbolic_.order())
+  for (int block = 0; block < symbolic_.blocks(); ++block)
     std::copy_n(y + symbolic_.scalar(block), symbolic_.dim(block), x + symbolic_.input_offset(block));
 }
 

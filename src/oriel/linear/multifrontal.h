@@ -54,8 +54,14 @@ class Multifrontal {
   // is given, so that where this is what it was, what was found is kept.
   Result<void> analyze(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> given = {});
 
+  // For a pattern that differs from the last one as Symbolic::update has it; with the bits of analyze(pattern, given,
+  // order).
+  Result<void> follow(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> order,
+                      std::span<const int> changed);
+
   const Symbolic& symbolic() const { return symbolic_; }
-  std::int64_t analyses() const { return analyses_; }                     // how often anything was found anew
+  std::int64_t analyses() const { return analyses_; }                     // how often everything was found anew
+  std::int64_t updates() const { return updates_; }                       // how often what a change reached was
   std::int64_t storage_size() const { return symbolic_.storage_size(); }  // [doubles] of H
   BlockAddress address(int i, int j) const { return symbolic_.address(i, j); }
   bool has(int i, int j) const { return symbolic_.has(i, j); }
@@ -88,7 +94,8 @@ class Multifrontal {
   void assemble(int front, int worker, double* to, std::int64_t ld, int begin, int end);
   double* update_of(int front, int worker);
   void make_report();
-  FactorReport::Scalar locate(int scalar) const;
+  FactorReport::Scalar locate(const Front& front, int scalar) const;
+  void prepare_vectors();
   void load(const Front& front, const double* y, double* v) const;
   void solve_lower(const Front& front, double* y, int worker, TaskPool* pool);
   void solve_upper(const Front& front, double* y, int worker, TaskPool* pool);
@@ -104,7 +111,7 @@ class Multifrontal {
   OrderingMethod analyzed_ordering_ = OrderingMethod::given;
   double analyzed_dissection_flops_ = 0.0;
   std::vector<int> analyzed_order_;
-  std::int64_t analyses_ = 0;
+  std::int64_t analyses_ = 0, updates_ = 0;
 
   AlignedBuffer factor_, shared_arena_;
   std::vector<AlignedBuffer> task_arenas_, local_;  // one a worker; local_: a vector over a front's rows

@@ -35,41 +35,49 @@ void Multifrontal::solve_upper(const Front& f, double* y, int worker, TaskPool* 
 void Multifrontal::solve_subtree_lower(int subtree, double* y, int worker) {
   const auto fronts = symbolic_.fronts();
   const Symbolic::Subtree& tree = symbolic_.subtrees()[static_cast<std::size_t>(subtree)];
-  const Front &first = fronts[static_cast<std::size_t>(tree.first)],
-              &last = fronts[static_cast<std::size_t>(tree.last)];
+  const auto members = symbolic_.fronts_of(tree);
+  const Front& root = fronts[static_cast<std::size_t>(members.back())];
   double* const own = worker_vector_[static_cast<std::size_t>(worker)].data();
   double* const part = subtree_part_.data() + tree.part;
-  const int begin = first.first_scalar, count = last.first_scalar + last.p - begin;
-  std::copy_n(y + begin, count, own + begin);
-  for (const Run& span : symbolic_.spans(last)) std::fill_n(own + span.other, span.length, 0.0);
-  for (int i = tree.first; i <= tree.last; ++i) solve_lower(fronts[static_cast<std::size_t>(i)], own, worker, nullptr);
-  std::copy_n(own + begin, count, y + begin);
-  for (const Run& span : symbolic_.spans(last)) std::copy_n(own + span.other, span.length, part + span.row - last.p);
+  auto copy_pivots = [&](const double* from, double* to) {
+    for (const int i : members) {
+      const Front& f = fronts[static_cast<std::size_t>(i)];
+      std::copy_n(from + f.first_scalar, f.p, to + f.first_scalar);
+    }
+  };
+  copy_pivots(y, own);
+  for (const Run& span : symbolic_.spans(root)) std::fill_n(own + span.other, span.length, 0.0);
+  for (const int i : members) solve_lower(fronts[static_cast<std::size_t>(i)], own, worker, nullptr);
+  copy_pivots(own, y);
+  for (const Run& span : symbolic_.spans(root)) std::copy_n(own + span.other, span.length, part + span.row - root.p);
 }
 
 void Multifrontal::solve_lower(double* y, TaskPool* pool) {
   reserve(pool == nullptr ? 1 : pool->workers());
+  const auto fronts = symbolic_.fronts();
   const auto subtrees = symbolic_.subtrees();
   parallel_for(pool, static_cast<int>(subtrees.size()), [&](int t, int worker) { solve_subtree_lower(t, y, worker); });
   for (const Symbolic::Subtree& tree : subtrees) {
-    const Front& last = symbolic_.fronts()[static_cast<std::size_t>(tree.last)];
-    for (const Run& span : symbolic_.spans(last))
+    const Front& root = fronts[static_cast<std::size_t>(symbolic_.fronts_of(tree).back())];
+    for (const Run& span : symbolic_.spans(root))
       for (int i = 0; i < span.length; ++i)
-        y[span.other + i] += subtree_part_[static_cast<std::size_t>(tree.part + span.row - last.p + i)];
+        y[span.other + i] += subtree_part_[static_cast<std::size_t>(tree.part + span.row - root.p + i)];
   }
-  for (const Front& f : symbolic_.fronts())
-    if (f.task < 0) solve_lower(f, y, 0, pool);
+  for (const int i : symbolic_.sequence())
+    if (fronts[static_cast<std::size_t>(i)].task < 0) solve_lower(fronts[static_cast<std::size_t>(i)], y, 0, pool);
 }
 
 void Multifrontal::solve_upper(double* y, TaskPool* pool) {
   reserve(pool == nullptr ? 1 : pool->workers());
   const auto fronts = symbolic_.fronts();
-  for (auto i = fronts.size(); i-- > 0;)
-    if (fronts[i].task < 0) solve_upper(fronts[i], y, 0, pool);
+  const auto sequence = symbolic_.sequence();
+  for (auto k = sequence.size(); k-- > 0;)
+    if (const Front& f = fronts[static_cast<std::size_t>(sequence[k])]; f.task < 0) solve_upper(f, y, 0, pool);
   const auto subtrees = symbolic_.subtrees();
   parallel_for(pool, static_cast<int>(subtrees.size()), [&](int t, int worker) {
-    const Symbolic::Subtree& tree = subtrees[static_cast<std::size_t>(t)];
-    for (int i = tree.last; i >= tree.first; --i) solve_upper(fronts[static_cast<std::size_t>(i)], y, worker, nullptr);
+    const auto members = symbolic_.fronts_of(subtrees[static_cast<std::size_t>(t)]);
+    for (auto k = members.size(); k-- > 0;)
+      solve_upper(fronts[static_cast<std::size_t>(members[k])], y, worker, nullptr);
   });
 }
 

@@ -54,7 +54,7 @@ bool Minimizer::start() {
   summary_.factors = static_cast<std::int64_t>(s.row_count() + s.prior_count());
   summary_.kept_dim = s.kept_dim();
   summary_.landmark_dim = s.dim() - s.kept_dim();
-  summary_.fronts = static_cast<int>(s.factorization().symbolic().fronts().size());
+  summary_.fronts = static_cast<int>(s.factorization().symbolic().sequence().size());
   summary_.factor_flops = s.factorization().symbolic().flops();
   summary_.schur_flops = s.landmark_flops();
   name_linear_solver();

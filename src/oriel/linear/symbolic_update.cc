@@ -1,0 +1,133 @@
+// The symbolic analysis of a pattern that differs a little from the last one. A column's rows are its neighbours and
+// the rows of its children, so that a change reaches the columns that it touches and those above them; and whether a
+// front is merged into another one depends on both. A front that nothing reaches stays, unless its parent, made anew,
+// would take it in: then its columns are made anew as well.
+#include <algorithm>
+
+#include "oriel/linear/symbolic.h"
+
+namespace oriel {
+namespace {
+
+constexpr std::size_t kLargestShare = 4;   // of all fronts, up to which it pays to keep the others: a quarter
+constexpr std::int64_t kLargestHoles = 2;  // of what lives, up to which holes are borne: a half
+
+bool has_many_holes(std::int64_t all, std::int64_t live) { return all - live > live / kLargestHoles + 1024; }
+
+}  // namespace
+
+bool Symbolic::update(const BlockPattern& pattern, std::span<const int> order, std::span<const int> changed) {
+  const int before = blocks(), after = pattern.blocks();
+  if (sequence_.empty() || !is_sparse() || !mark_changed(changed, after)) return false;
+  for (int b = after; b < before; ++b) live_storage_ -= static_cast<std::int64_t>(columns_[b].ld) * dims_[b];
+  set_dimensions(pattern, order);
+  do {
+    kept_changed_ = false;
+    if (!gather_columns(before)) return false;
+    find_supernodes(pattern, nodes_);
+    link_supernodes(nodes_);
+    amalgamate(nodes_);
+  } while (kept_changed_);
+  drop_marked();
+  const std::size_t first = fronts_.size();
+  make_fronts();
+  sort_few_rows(first);
+  place_rows(first);
+  sum_up();
+  link_fronts();
+  make_sequence();
+  place_columns(pattern, before);
+  for (std::size_t i = first; i < fronts_.size(); ++i) {
+    load_local_rows(fronts_[i]);
+    for (const int child : children(static_cast<int>(i))) make_runs(fronts_[child]);
+    make_matrix_runs(fronts_[i]);
+  }
+  make_spans();
+  cut_subtrees();
+  place_updates();
+  return true;
+}
+
+bool Symbolic::is_sparse() const {
+  return !has_many_holes(factor_size_, live_factor_) && !has_many_holes(storage_size_, live_storage_) &&
+         !has_many_holes(static_cast<std::int64_t>(fronts_.size()), static_cast<std::int64_t>(sequence_.size()));
+}
+
+// The fronts of these columns, and all above them. False where they are too many.
+bool Symbolic::mark_changed(std::span<const int> changed, int after) {
+  marked_.clear();
+  is_marked_.assign(fronts_.size(), 0);
+  auto reach = [&](int block) {
+    for (int i = front_of_block_[block]; i >= 0 && is_marked_[i] == 0; i = fronts_[i].parent) mark(i);
+  };
+  for (const int b : changed)
+    if (b < blocks()) reach(b);
+  for (int b = after; b < blocks(); ++b) reach(b);
+  return kLargestShare * marked_.size() <= sequence_.size();
+}
+
+void Symbolic::mark(int front) {
+  if (is_marked_[front] != 0) return;
+  is_marked_[front] = 1;
+  marked_.push_back(front);
+}
+
+// nodes_ = columns that are made anew, and the last pivots of fronts that stay below them; by rank.
+bool Symbolic::gather_columns(int before) {
+  nodes_.clear();
+  is_root_.assign(dims_.size(), 0);
+  for (const int i : marked_) {
+    for (const int b : pivots(fronts_[i]))
+      if (b < blocks()) nodes_.push_back(b);
+    for (const int child : children(i))
+      if (is_marked_[child] == 0) {
+        nodes_.push_back(pivots(fronts_[child]).back());
+        is_root_[nodes_.back()] = 1;
+      }
+  }
+  for (int b = before; b < blocks(); ++b) nodes_.push_back(b);
+  std::sort(nodes_.begin(), nodes_.end(), [this](int a, int b) { return rank_[a] < rank_[b]; });
+  return kLargestShare * marked_.size() <= sequence_.size();
+}
+
+void Symbolic::drop_marked() {
+  for (const int i : marked_) fronts_[i].live = false;
+}
+
+// Few of many: each sorted by itself.
+void Symbolic::sort_few_rows(std::size_t first) {
+  for (std::size_t i = first; i < fronts_.size(); ++i) {
+    Front& f = fronts_[i];
+    const auto from = super_rows_.begin() + f.rows_begin;
+    f.rows_begin = static_cast<int>(row_blocks_.size());
+    row_blocks_.insert(row_blocks_.end(), from, from + f.row_blocks);
+    std::sort(row_blocks_.begin() + f.rows_begin, row_blocks_.end(),
+              [this](int a, int b) { return rank_[a] < rank_[b]; });
+  }
+}
+
+// Matrix columns of all that is made anew, behind the others.
+void Symbolic::place_columns(const BlockPattern& pattern, int before) {
+  for (const int b : nodes_) {
+    if (is_root_[b] != 0) continue;
+    MatrixColumn& column = columns_[b];
+    if (b >= before) column = {};
+    live_storage_ -= static_cast<std::int64_t>(column.ld) * dims_[b];
+    column.rows_begin = static_cast<int>(column_rows_.size());
+    for (const int neighbour : pattern.neighbours(b))
+      if (rank_[neighbour] > rank_[b]) column_rows_.push_back(neighbour);
+    column.row_blocks = static_cast<int>(column_rows_.size()) - column.rows_begin;
+    const auto rows = column_rows_.begin() + column.rows_begin;
+    std::sort(rows, column_rows_.end(), [this](int x, int y) { return rank_[x] < rank_[y]; });
+    column.ld = dims_[b];
+    for (auto row = rows; row != column_rows_.end(); ++row) {
+      column_offsets_.push_back(column.ld);
+      column.ld += dims_[*row];
+    }
+    column.offset = storage_size_;
+    storage_size_ += static_cast<std::int64_t>(column.ld) * dims_[b];
+    live_storage_ += static_cast<std::int64_t>(column.ld) * dims_[b];
+  }
+}
+
+}  // namespace oriel
