@@ -95,10 +95,11 @@ double median(std::vector<double> v) {
 }
 
 // A sync by `structure`, which followed so far, and its larger stages once more, apart.
-Cost measure(const Graph& graph, LinearStructure& structure, Linearizer& linearizer) {
+Cost measure(const Graph& graph, LinearStructure& structure, EliminationOrder& elimination, Linearizer& linearizer) {
   Cost c;
   const std::int64_t analyses = structure.factorization().analyses();
-  c.sync = milliseconds([&] { check(structure.build(graph, {}).ok(), "no structure"); });
+  const std::uint64_t made = elimination.made;
+  c.sync = milliseconds([&] { check(structure.build(graph, {}, elimination).ok(), "no structure"); });
   MinimumDegree degree;
   std::vector<int> order;
   degree.order(structure.pattern(), order);
@@ -106,7 +107,8 @@ Cost measure(const Graph& graph, LinearStructure& structure, Linearizer& lineari
   Symbolic symbolic;
   symbolic.analyze(structure.pattern(), order);
   c.symbolic = milliseconds([&] { symbolic.analyze(structure.pattern(), order); });
-  if (structure.factorization().analyses() == analyses) c.order = c.symbolic = 0.0;  // kept
+  if (elimination.made == made) c.order = 0.0;                             // kept
+  if (structure.factorization().analyses() == analyses) c.symbolic = 0.0;  // kept, or followed
   Point point;
   point.take(graph);
   ActiveSet active;
@@ -136,16 +138,17 @@ int run(int variables, int runs) {
     drive.random = static_cast<std::uint64_t>(i) + 1;
     drive.add_newest(variables);
     LinearStructure structure;
+    EliminationOrder elimination;
     Linearizer linearizer;
-    first.add(measure(drive.graph, structure, linearizer));
+    first.add(measure(drive.graph, structure, elimination, linearizer));
     drive.add_newest(change);
-    grown.add(measure(drive.graph, structure, linearizer));
+    grown.add(measure(drive.graph, structure, elimination, linearizer));
     drive.remove_newest(change);
-    cut.add(measure(drive.graph, structure, linearizer));
+    cut.add(measure(drive.graph, structure, elimination, linearizer));
     drive.change_anywhere(2 * change);
-    anywhere.add(measure(drive.graph, structure, linearizer));
+    anywhere.add(measure(drive.graph, structure, elimination, linearizer));
     drive.set_losses(i);
-    losses.add(measure(drive.graph, structure, linearizer));
+    losses.add(measure(drive.graph, structure, elimination, linearizer));
   }
   std::printf("%d variables, medians of %d runs [ms]\n%-44s %8s %8s %8s %8s %8s   of a first\n", variables, runs, "",
               "sync", "order", "symbolic", "rest", "packing");

@@ -41,6 +41,7 @@ class Replayer {
     if (options_.threads > 0) request->options.threads = options_.threads;
     if (options_.drop_caches) engine_.drop_caches();
     request->state.solved_version = engine_.state().solved_version;
+    request->state.order = engine_.state().order;
     engine_.restore(request->state);
     const Summary summary = engine_.solve(request->options);
     found_ = outcome_of(summary, engine_.state(), graph_);

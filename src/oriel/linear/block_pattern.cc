@@ -1,5 +1,7 @@
 #include "oriel/linear/block_pattern.h"
 
+#include <algorithm>
+
 namespace oriel {
 
 void BlockPattern::reset(std::span<const int> dims) {
@@ -74,6 +76,42 @@ void BlockPattern::bucket_by_first() {
   for (int j = 0; j < n; ++j)
     for (int k = bucket_begin_[j]; k < bucket_begin_[j + 1]; ++k)
       if (const int i = bucketed_[k]; i >= 0) neighbours_[last_seen_[i]++] = j;
+}
+
+void BlockPattern::begin_change(std::span<const int> dims) {
+  dims_.assign(dims.begin(), dims.end());
+  offsets_.resize(dims.size() + 1);
+  offsets_[0] = 0;
+  for (std::size_t i = 0; i < dims.size(); ++i) offsets_[i + 1] = offsets_[i] + dims[i];
+  pairs_.clear();
+}
+
+void BlockPattern::finish_change(std::span<const char> is_changed) {
+  const std::size_t connected = pairs_.size();
+  for (std::size_t k = 0; k < connected; ++k) pairs_.emplace_back(pairs_[k].second, pairs_[k].first);
+  std::sort(pairs_.begin(), pairs_.end());
+  pairs_.erase(std::unique(pairs_.begin(), pairs_.end()), pairs_.end());
+  bucket_begin_.swap(begin_);
+  bucketed_.swap(neighbours_);
+  begin_.resize(dims_.size() + 1);
+  neighbours_.clear();
+  std::size_t pair = 0;
+  for (int i = 0; i < blocks();) {
+    if (is_changed[i] != 0) {
+      begin_[i] = static_cast<int>(neighbours_.size());
+      while (pair < pairs_.size() && pairs_[pair].first < i) ++pair;
+      for (; pair < pairs_.size() && pairs_[pair].first == i; ++pair) neighbours_.push_back(pairs_[pair].second);
+      ++i;
+      continue;
+    }
+    int end = i;  // what stays side by side is copied as one
+    while (end < blocks() && is_changed[end] == 0) ++end;
+    const int shift = static_cast<int>(neighbours_.size()) - bucket_begin_[i];
+    for (int k = i; k < end; ++k) begin_[k] = bucket_begin_[k] + shift;
+    neighbours_.insert(neighbours_.end(), bucketed_.begin() + bucket_begin_[i], bucketed_.begin() + bucket_begin_[end]);
+    i = end;
+  }
+  begin_[dims_.size()] = static_cast<int>(neighbours_.size());
 }
 
 }  // namespace oriel

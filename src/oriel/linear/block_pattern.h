@@ -20,6 +20,12 @@ class BlockPattern {
   // Sorts what was connected into neighbour lists, without duplicates, in time linear in the number of pairs.
   void finish();
 
+  // Begins a change of a finished pattern: blocks may be gone from its end, or new there, and those that
+  // `is_changed` have from now on the neighbours that are connected until `finish_change`; both ends of what is new or
+  // gone are among them. Pairs neither of which is changed need not be connected again.
+  void begin_change(std::span<const int> dims);
+  void finish_change(std::span<const char> is_changed);
+
   int blocks() const { return static_cast<int>(dims_.size()); }
   int dim(int i) const { return dims_[i]; }
   int offset(int i) const { return offsets_[i]; }  // first scalar of block i, in the order of the input
@@ -43,7 +49,7 @@ class BlockPattern {
   std::vector<int> dims_, offsets_;
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> begin_, neighbours_;
-  std::vector<int> bucket_begin_, bucketed_, last_seen_;  // scratch of finish()
+  std::vector<int> bucket_begin_, bucketed_, last_seen_;  // scratch of finish() and finish_change()
 };
 
 }  // namespace oriel

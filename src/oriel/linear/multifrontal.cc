@@ -85,6 +85,7 @@ Result<void> Multifrontal::analyze(const BlockPattern& pattern, const FactorOpti
     analyzed_.remember(pattern);
     analyzed_ordering_ = options.ordering;
     analyzed_dissection_flops_ = options.dissection_flops;
+    analyzed_first_late_ = options.first_late;
     analyzed_order_.clear();
     reserve_more(analyzed_order_, given.size());
     analyzed_order_.insert(analyzed_order_.end(), given.begin(), given.end());
@@ -94,11 +95,8 @@ Result<void> Multifrontal::analyze(const BlockPattern& pattern, const FactorOpti
   return {};
 }
 
-Result<void> Multifrontal::follow(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> order,
-                                  std::span<const int> changed) {
-  FactorOptions given = options;
-  given.ordering = OrderingMethod::given;
-  if (auto ok = check_input(pattern, given, order, ordering_); !ok) return ok;
+void Multifrontal::follow(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> order,
+                          std::span<const int> changed) {
   relative_pivot_ = options.relative_pivot;
   if (symbolic_.update(pattern, order, changed))
     ++updates_;
@@ -108,7 +106,6 @@ Result<void> Multifrontal::follow(const BlockPattern& pattern, const FactorOptio
   analyzed_.reset({});  // it is told what changed, and has nothing to compare with
   analyzed_order_.assign(1, -1);
   prepare_vectors();
-  return {};
 }
 
 // Every value of a vector is written before it is read.
@@ -121,7 +118,7 @@ void Multifrontal::prepare_vectors() {
 bool Multifrontal::is_known(const BlockPattern& pattern, const FactorOptions& options,
                             std::span<const int> given) const {
   return analyses_ > 0 && options.ordering == analyzed_ordering_ &&
-         options.dissection_flops == analyzed_dissection_flops_ &&
+         options.dissection_flops == analyzed_dissection_flops_ && options.first_late == analyzed_first_late_ &&
          std::equal(given.begin(), given.end(), analyzed_order_.begin(), analyzed_order_.end()) &&
          pattern.same_as(analyzed_);
 }
@@ -130,7 +127,7 @@ void Multifrontal::order_blocks(const BlockPattern& pattern, const FactorOptions
   if (options.ordering == OrderingMethod::given) return symbolic_.analyze(pattern, given);
   if (options.ordering == OrderingMethod::nested_dissection && nested_dissection(pattern, ordering_))
     return symbolic_.analyze(pattern, ordering_);
-  minimum_degree_.order(pattern, ordering_);
+  minimum_degree_.order(pattern, ordering_, options.first_late);
   symbolic_.analyze(pattern, ordering_);
   if (options.ordering != OrderingMethod::automatic || symbolic_.flops() < options.dissection_flops) return;
   if (!nested_dissection(pattern, other_ordering_)) return;

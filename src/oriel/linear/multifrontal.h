@@ -31,6 +31,10 @@ struct FactorOptions {
   // `automatic` tries nested dissection as well where minimum degree leaves more work than this [flop].
   // Measured: on torus3D (1.2e9) METIS takes 12 ms and saves 1.3 ms of a 35 ms factorization, which does not pay.
   double dissection_flops = 3e9;
+  // Blocks from here on are eliminated last by minimum degree (linear/ordering.h).
+  int first_late = MinimumDegree::kNoneLate;
+  // Kept variables from which on a structure without landmarks keeps its elimination order, and follows its graph.
+  std::size_t least_followed = 20'000;
 };
 
 struct FactorReport {
@@ -55,9 +59,9 @@ class Multifrontal {
   Result<void> analyze(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> given = {});
 
   // For a pattern that differs from the last one as Symbolic::update has it; with the bits of analyze(pattern, given,
-  // order).
-  Result<void> follow(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> order,
-                      std::span<const int> changed);
+  // order). Nothing is checked.
+  void follow(const BlockPattern& pattern, const FactorOptions& options, std::span<const int> order,
+              std::span<const int> changed);
 
   const Symbolic& symbolic() const { return symbolic_; }
   std::int64_t analyses() const { return analyses_; }                     // how often everything was found anew
@@ -110,6 +114,7 @@ class Multifrontal {
   BlockPattern analyzed_;
   OrderingMethod analyzed_ordering_ = OrderingMethod::given;
   double analyzed_dissection_flops_ = 0.0;
+  int analyzed_first_late_ = MinimumDegree::kNoneLate;
   std::vector<int> analyzed_order_;
   std::int64_t analyses_ = 0, updates_ = 0;
 

@@ -4,13 +4,15 @@
 #include <cmath>
 #include <cstdint>
 #include <numeric>
+#include <utility>
 #ifdef ORIEL_HAS_METIS
 #include <metis.h>
 #endif
 
 namespace oriel {
 
-void MinimumDegree::order(const BlockPattern& pattern, std::vector<int>& order) {
+void MinimumDegree::order(const BlockPattern& pattern, std::vector<int>& order, int first_late) {
+  first_late_ = first_late;
   start(pattern);
   order.clear();
   set_dense_aside(pattern);
@@ -72,6 +74,7 @@ void MinimumDegree::set_dense_aside(const BlockPattern& pattern) {
 }
 
 void MinimumDegree::list_by_degree(int i) {
+  if (i >= first_late_) return;
   const int d = degree_[i];
   next_[i] = head_[d];
   previous_[i] = -1;
@@ -81,6 +84,7 @@ void MinimumDegree::list_by_degree(int i) {
 }
 
 void MinimumDegree::unlist(int i) {
+  if (i >= first_late_) return;
   if (previous_[i] >= 0)
     next_[previous_[i]] = next_[i];
   else
@@ -91,10 +95,20 @@ void MinimumDegree::unlist(int i) {
 int MinimumDegree::pop_least() {
   const int size = static_cast<int>(head_.size());
   while (least_ < size && head_[least_] < 0) ++least_;
+  if (least_ == size && first_late_ < n_) {
+    release_late();
+    while (least_ < size && head_[least_] < 0) ++least_;
+  }
   if (least_ == size) return -1;
   const int p = head_[least_];
   unlist(p);
   return p;
+}
+
+void MinimumDegree::release_late() {
+  const int first = std::exchange(first_late_, kNoneLate);
+  for (int i = n_ - 1; i >= first; --i)
+    if (kind_[i] == Kind::variable && weight_[i] > 0) list_by_degree(i);
 }
 
 // L_p = (A_p ∪ ⋃ L_e over the elements e of p) \ {p}; those elements are absorbed. Variables in L_p get a negative

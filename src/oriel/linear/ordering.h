@@ -21,19 +21,37 @@ enum class LinearSolver {
   automatic,           // whichever the sizes say is quicker
 };
 
+// The order in which the variables of a large graph are eliminated: state, not a cache (decision 6), as it depends on
+// when it was made and added to. Each build leaves out what is gone and puts what is new behind the rest. It is made
+// anew where an eighth of it has changed since, or where it leaves twice the work that it left when it was made: points
+// that the state and the graph alone decide.
+struct EliminationOrder {
+  OrderingMethod method = OrderingMethod::automatic;
+  std::vector<std::uint64_t> serials;  // of variables, the first eliminated first; empty: none was made
+  double flops = 0.0;                  // of a factorization when it was made
+  std::uint64_t made = 0;              // how often
+  std::uint64_t made_of = 0;           // variables that it had then
+  std::uint64_t drift = 0;             // variables that came or went since
+  bool operator==(const EliminationOrder&) const = default;
+};
+
 // Approximate minimum degree on the quotient graph of the blocks, each weighted by its dimension: P. Amestoy, T. Davis,
 // I. Duff, "An approximate minimum degree ordering algorithm", SIAM J. Matrix Anal. Appl. 17 (1996), with element
 // absorption, mass elimination, indistinguishable variables and the degree bound of its section 4.
 class MinimumDegree {
  public:
-  // order[k] is the block that is eliminated k-th.
-  void order(const BlockPattern& pattern, std::vector<int>& order);
+  // order[k] is the block that is eliminated k-th. Blocks from `first_late` on, the newest of a graph that grows at
+  // that end, come after all others (but for those that go without fill before): what is tied to them later then
+  // reaches little of the tree.
+  void order(const BlockPattern& pattern, std::vector<int>& order, int first_late = kNoneLate);
+  static constexpr int kNoneLate = 0x7fffffff;
 
  private:
   enum class Kind : unsigned char { variable, element, gone };
   void start(const BlockPattern& pattern);
   void set_dense_aside(const BlockPattern& pattern);
   int pop_least();
+  void release_late();
   void list_by_degree(int i);
   void unlist(int i);
   void gather_element(int p);
@@ -46,6 +64,7 @@ class MinimumDegree {
   void finish_element(int p);
   void append(int to, int from);
 
+  int first_late_ = kNoneLate;             // blocks from here on are in no list of degrees yet
   int n_ = 0, remaining_ = 0, least_ = 0;  // blocks; dimension not yet eliminated; no degree below is in use
   std::int64_t stamp_ = 0;
   std::vector<Kind> kind_;

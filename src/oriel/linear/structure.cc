@@ -9,8 +9,9 @@ constexpr std::size_t kManyKept = 500, kFewLandmarks = 4;  // kept variables, an
 
 }  // namespace
 
-Result<void> LinearStructure::build(const Graph& graph, const FactorOptions& options) {
+Result<void> LinearStructure::build(const Graph& graph, const FactorOptions& options, EliminationOrder& order) {
   ++version_;
+  remember();
   order_types(graph);
   number_variables(graph);
   demote_landmarks(graph);
@@ -18,16 +19,16 @@ Result<void> LinearStructure::build(const Graph& graph, const FactorOptions& opt
   collect_rows(graph);
   number_kept(graph);
   plan_priors(graph);
-  for (std::size_t t = 0; t < plan_count_; ++t) {
-    group_rows(plans_[t]);
-    plan_table(*plans_[t].table, plans_[t]);
-  }
+  find_changed_blocks(graph, options);
+  for (std::size_t t = 0; t < plan_count_; ++t) group_rows(plans_[t]);
+  plan_followed(graph);
   find_neighbours();
   place_landmarks();
-  if (auto ok = analyze(options); !ok) return ok;
-  place_pairs();
+  if (auto ok = followed_.is_large ? analyze_large(graph, options, order) : analyze(options); !ok) return ok;
+  place_pairs(graph);
   place_slices();
   place_landmark_pairs();
+  followed_.is_ready = followed_.is_large;
   return {};
 }
 
@@ -114,13 +115,13 @@ void LinearStructure::collect_rows(const Graph& graph) {
     const FactorTable& table = *tables[table_order_[i]];
     plan.table = &table;
     plan.arguments.clear();
-    plan.rows.clear();
-    plan.dense.clear();
+    plan.rows.resize(table.slots().size());
+    plan.dense.resize(plan.rows.size() * static_cast<std::size_t>(table.arity()));
+    std::uint32_t *row = plan.rows.data(), *dense = plan.dense.data();
     for (std::uint32_t r = 0; r < table.extent(); ++r) {
       if (!table.slots().is_live(r)) continue;
-      plan.rows.push_back(r);
-      for (const VariableRef& ref : table.variables(r))
-        plan.dense.push_back(graph.pools()[ref.pool]->slots().dense(ref.slot));
+      *row++ = r;
+      for (const VariableRef& ref : table.variables(r)) *dense++ = graph.pools()[ref.pool]->slots().dense(ref.slot);
     }
     row_count_ += plan.rows.size();
     int column = 0;
@@ -164,11 +165,14 @@ void LinearStructure::number_kept(const Graph& graph) {
       }
     }
   }
+  std::size_t pools = 0;  // that have any: within one, places are by serial
+  for (std::size_t i = 0; i < kept_.size(); ++i) pools += i == 0 || kept_[i].pool != kept_[i - 1].pool;
   auto serial = [&](const KeptBlock& b) { return graph.pools()[b.pool]->slots().serial(b.dense); };
   auto before = [&](const KeptBlock& a, const KeptBlock& b) {
     return a.sees_landmarks != b.sees_landmarks ? b.sees_landmarks : serial(a) < serial(b);
   };
-  if (!std::is_sorted(kept_.begin(), kept_.end(), before)) std::sort(kept_.begin(), kept_.end(), before);
+  const bool is_sorted = pools <= 1 && landmarks_.empty();
+  if (!is_sorted && !std::is_sorted(kept_.begin(), kept_.end(), before)) std::sort(kept_.begin(), kept_.end(), before);
   int offset = 0;
   for (std::size_t i = 0; i < kept_.size(); ++i) {
     kept_[i].offset = offset;
@@ -214,20 +218,23 @@ void LinearStructure::plan_priors(const Graph& graph) {
   }
 }
 
-void LinearStructure::plan_table(const FactorTable& table, TablePlan& plan) {
-  const std::size_t rows = plan.rows.size(), n = plan.arguments.size(), arity = static_cast<std::size_t>(table.arity());
-  plan.targets.resize(rows * n);
-  plan.landmark.resize(rows);
-  for (std::size_t r = 0; r < rows; ++r) {
-    std::int32_t landmark = -1;
-    for (std::size_t a = 0; a < n; ++a) {
-      const auto& argument = plan.arguments[a];
-      const Target& t = targets_[argument.pool][plan.dense[r * arity + static_cast<std::size_t>(argument.arg)]];
-      plan.targets[r * n + a] = t;
-      if (t.kind == Target::Kind::landmark) landmark = t.index;
-    }
-    plan.landmark[r] = landmark;
+// Rows before `from` are planned.
+void LinearStructure::plan_table(TablePlan& plan, std::size_t from) {
+  plan.targets.resize(plan.rows.size() * plan.arguments.size());
+  plan.landmark.resize(plan.rows.size());
+  for (std::size_t r = from; r < plan.rows.size(); ++r) plan_row(plan, r);
+}
+
+void LinearStructure::plan_row(TablePlan& plan, std::size_t r) {
+  const std::size_t n = plan.arguments.size(), arity = static_cast<std::size_t>(plan.table->arity());
+  std::int32_t landmark = -1;
+  for (std::size_t a = 0; a < n; ++a) {
+    const auto& argument = plan.arguments[a];
+    const Target& t = targets_[argument.pool][plan.dense[r * arity + static_cast<std::size_t>(argument.arg)]];
+    plan.targets[r * n + a] = t;
+    if (t.kind == Target::Kind::landmark) landmark = t.index;
   }
+  plan.landmark[r] = landmark;
 }
 
 BlockAddress LinearStructure::address(int i, int j) const {
@@ -236,16 +243,17 @@ BlockAddress LinearStructure::address(int i, int j) const {
 }
 
 // In runs, those of each run's first row alone.
-void LinearStructure::place_pairs() {
+void LinearStructure::place_pairs(const Graph& graph) {
   for (std::size_t t = 0; t < plan_count_; ++t) {
     TablePlan& plan = plans_[t];
     const std::size_t n = plan.arguments.size();
     plan.pairs.resize(plan.rows.size() * (n * (n + 1) / 2));
-    if (plan.runs.empty())
-      for (std::size_t r = 0; r < plan.rows.size(); ++r) place_pairs_of_row(plan, r);
-    else
-      for (const TablePlan::Run& run : plan.runs) place_pairs_of_row(plan, run.first);
+    for (const TablePlan::Run& run : plan.runs) place_pairs_of_row(plan, run.first);
+    if (!plan.runs.empty()) continue;
+    for (std::size_t r = followed_.follows ? followed_.same[t] : 0; r < plan.rows.size(); ++r)
+      place_pairs_of_row(plan, r);
   }
+  if (followed_.follows) place_moved_pairs(graph);
 }
 
 void LinearStructure::place_pairs_of_row(TablePlan& plan, std::size_t r) {

@@ -118,10 +118,40 @@ class SharedBlocks {
   std::vector<Entry> entries_;  // open addressing; a power of two
 };
 
+// What a build remembers of the one before, where the graph is large enough for that to pay (structure_follow.cc).
+struct FollowedStructure {
+  bool is_large = false;      // this build has kept variables enough, and no landmarks
+  bool is_ready = false;      // the build before has left what can be followed
+  bool same_targets = false;  // variables of both builds stand where they stood, but for those listed in `elsewhere`
+  bool follows = false;       // this build differs little from the one before: in `changed` alone
+  std::vector<KeptBlock> kept;
+  std::vector<const FactorTable*> tables;
+  std::vector<std::vector<std::uint32_t>> rows, dense;  // of the build before, by table
+  std::vector<char> by_row, was_by_row;                 // by table: whether rows are ascending in both builds
+  std::vector<std::size_t> same;                        // by table: rows from the first on that are the same factors
+  std::vector<Target> before;                           // scratch: targets of rows of the build before
+  std::vector<std::int32_t> prior_blocks, new_prior_blocks;
+  std::size_t same_kept = 0;           // kept blocks from the first on that are the same variables
+  std::vector<VariableKey> elsewhere;  // of this build or the one before, behind these
+  std::vector<int> changed;            // kept blocks, of both builds, whose neighbours may differ
+  std::vector<char> is_changed, is_moved;
+  std::vector<std::uint64_t> serials, new_serials;  // of the kept blocks
+  EliminationOrder order;                           // the state that `order_` stands for
+  std::size_t drift = 0;                            // of `order_`
+  std::vector<int> place, tail_order;               // scratch of what is new
+  BlockPattern tail;
+  MinimumDegree degree;
+};
+
 class LinearStructure {
  public:
-  // An error only if the numbers of a block overflow; never in practice.
-  Result<void> build(const Graph& graph, const FactorOptions& options);
+  // An error only if the numbers of a block overflow; never in practice. `order` is state (linear/ordering.h): given
+  // the same one, the same bits, whatever was built before.
+  Result<void> build(const Graph& graph, const FactorOptions& options, EliminationOrder& order);
+  Result<void> build(const Graph& graph, const FactorOptions& options) {
+    EliminationOrder none;
+    return build(graph, options, none);
+  }
 
   // Pools of the graph when it was built: one that came since holds nothing, but has its place in every column.
   std::size_t pool_count() const { return targets_.size(); }
@@ -171,7 +201,8 @@ class LinearStructure {
   void demote_landmarks(const Graph& graph);
   void demote_few_landmarks();
   void collect_rows(const Graph& graph);
-  void plan_table(const FactorTable& table, TablePlan& plan);
+  void plan_table(TablePlan& plan, std::size_t from);
+  void plan_row(TablePlan& plan, std::size_t row);
   void set_active(TablePlan& plan);
   int find_landmark_argument(const TablePlan& plan) const;
   bool count_runs(const TablePlan& plan);
@@ -200,8 +231,28 @@ class LinearStructure {
   Result<void> factorize(const FactorOptions& options);
   void tabulate();
   Result<void> analyze(const FactorOptions& options);
+  void remember();
+  void find_changed_blocks(const Graph& graph, const FactorOptions& options);
+  void plan_followed(const Graph& graph);
+  void find_changed_rows(std::size_t table);
+  void note_priors();
+  void touch(int block);
+  void touch(const Target* targets, std::size_t arguments);
+  template <class F>
+  void for_each_row(const Graph& graph, VariableKey id, F function);
+  VariableKey key_of(const Graph& graph, const KeptBlock& block) const;
+  void follow_pattern(const Graph& graph);
+  void connect_changed(const Target& x, const Target& y);
+  Result<void> analyze_large(const Graph& graph, const FactorOptions& options, EliminationOrder& order);
+  Result<void> use_order(const FactorOptions& options);
+  bool arrange(const FactorOptions& options, const EliminationOrder& order);
+  void find_places(const EliminationOrder& order);
+  void append_new();
+  void note_order(EliminationOrder& order);
+  void mark_moved();
   void connect(int i, int j);
-  void place_pairs();
+  void place_pairs(const Graph& graph);
+  void place_moved_pairs(const Graph& graph);
   void place_pairs_of_row(TablePlan& plan, std::size_t row);
   void place_landmark_pairs();
 
@@ -221,6 +272,8 @@ class LinearStructure {
   double landmark_flops_ = 0.0;
   std::int64_t landmark_store_ = 0, hessian_size_ = 0;
   Multifrontal factorization_;
+
+  FollowedStructure followed_;
 
   // Scratch of build.
   std::vector<std::uint32_t> run_key_, run_begin_, grouped_rows_, grouped_dense_, sorted_;

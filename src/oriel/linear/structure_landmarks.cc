@@ -17,6 +17,7 @@ void LinearStructure::find_neighbours() {
   while (first_seen_ < static_cast<int>(kept_.size()) && !kept_[first_seen_].sees_landmarks) ++first_seen_;
   first_scalar_ = first_seen_ < static_cast<int>(kept_.size()) ? kept_[first_seen_].offset : kept_dim_;
   seen_by_.clear();
+  if (landmarks_.empty()) return neighbours_.clear();
   const int seen = static_cast<int>(kept_.size()) - first_seen_;
   if (seen <= 64) return find_few_neighbours(seen);
   sightings_.clear();
@@ -101,6 +102,7 @@ void LinearStructure::place_landmarks() {
 void LinearStructure::place_panel_rows(TablePlan& plan) {
   const std::size_t n = plan.arguments.size();
   plan.panel_row.resize(plan.rows.size() * n);
+  if (landmarks_.empty()) return;
   for (std::size_t r = 0; r < plan.rows.size(); ++r) {
     if (plan.landmark[r] < 0) continue;
     const LandmarkBlock& l = landmarks_[plan.landmark[r]];

@@ -117,7 +117,8 @@ void LinearStructure::place_slices() {
   bool first = true;  // to say anything of landmarks
   for (std::size_t t = 0; t < plan_count_; ++t) {
     TablePlan& plan = plans_[t];
-    const bool sees_landmarks = std::any_of(plan.landmark.begin(), plan.landmark.end(), [](auto l) { return l >= 0; });
+    const bool sees_landmarks =
+        !landmarks_.empty() && std::any_of(plan.landmark.begin(), plan.landmark.end(), [](auto l) { return l >= 0; });
     if (!plan.slices.empty()) {
       if (first && sees_landmarks) clear_by_slices(plan);
       find_shared(plan);

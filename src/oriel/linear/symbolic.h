@@ -39,10 +39,11 @@ struct Front {
   int rows_begin = 0, row_blocks = 0;     // blocks of the other rows: a slice of row_blocks()
   int first_scalar = 0;                   // of the pivots, in elimination order
   int parent = -1;
-  int runs_begin = 0, runs = 0;    // of the other rows, towards the parent: a slice of runs()
-  int spans_begin = 0, spans = 0;  // of the other rows, towards vectors: a slice of spans()
-  int task = -1;                   // subtree that holds it; -1: the top of the tree
-  bool live = true;                // false: a hole that an update left
+  int children_begin = 0, children = 0;  // a slice of children()
+  int runs_begin = 0, runs = 0;          // of the other rows, towards the parent: a slice of runs()
+  int spans_begin = 0, spans = 0;        // of the other rows, towards vectors: a slice of spans()
+  int task = -1;                         // subtree that holds it; -1: the top of the tree
+  bool live = true;                      // false: a hole that an update left
 };
 
 // Consecutive rows of a front that are consecutive elsewhere, too: in the parent, on one side of its boundary between
@@ -70,6 +71,13 @@ class Symbolic {
     return {pivots_.data() + f.first_pivot, static_cast<std::size_t>(f.pivot_blocks)};
   }
   std::span<const int> order() const { return order_; }  // as it was given
+  // After an update: f(block) for each column of the matrix that was laid out anew; the others stand where they
+  // stood.
+  template <class F>
+  void for_each_moved(F f) const {
+    for (const int b : nodes_)
+      if (is_root_[b] == 0) f(b);
+  }
   std::span<const int> row_blocks(const Front& f) const {
     return {row_blocks_.data() + f.rows_begin, static_cast<std::size_t>(f.row_blocks)};
   }
@@ -80,8 +88,8 @@ class Symbolic {
     return {spans_.data() + f.spans_begin, static_cast<std::size_t>(f.spans)};
   }
   std::span<const int> children(int front) const {
-    return {children_.data() + children_begin_[front],
-            static_cast<std::size_t>(children_begin_[front + 1] - children_begin_[front])};
+    const Front& f = fronts_[front];
+    return {children_.data() + f.children_begin, static_cast<std::size_t>(f.children)};
   }
   // Subtrees that are factored apart, one task each, the one of most work first: places [first, last] in the sequence.
   struct Subtree {
@@ -163,10 +171,13 @@ class Symbolic {
   void place_rows(std::size_t first);
   void sum_up();
   void link_fronts();
+  void link_few_fronts(std::size_t first);
   void make_sequence();
   void make_runs();
   void make_runs(Front& front);
   void make_spans();
+  void make_few_spans();
+  void make_spans(Front& front);
   void place_matrix(const BlockPattern& pattern);
   void load_local_rows(const Front& front);
   void make_matrix_runs(const Front& front);
@@ -183,7 +194,7 @@ class Symbolic {
   std::vector<Front> fronts_;
   std::vector<int> sequence_, pivots_;
   std::vector<int> row_blocks_, row_offsets_;  // rows of each front: blocks by rank, their first row
-  std::vector<int> children_begin_, children_;
+  std::vector<int> children_, roots_;
   std::vector<Run> runs_, spans_, matrix_runs_;
   std::vector<MatrixColumn> columns_;
   std::vector<int> column_rows_, column_offsets_;  // row blocks of each matrix column, their first row in it

@@ -26,7 +26,7 @@ std::int64_t update_size(const Front& f) { return static_cast<std::int64_t>(f.up
 
 void Symbolic::clear_layout() {
   fronts_.clear(), pivots_.clear(), row_blocks_.clear(), row_offsets_.clear();
-  runs_.clear(), matrix_runs_.clear(), column_rows_.clear(), column_offsets_.clear();
+  children_.clear(), runs_.clear(), matrix_runs_.clear(), column_rows_.clear(), column_offsets_.clear();
   total_dim_ = 0, factor_size_ = 0, storage_size_ = 0, live_storage_ = 0;
 }
 
@@ -119,29 +119,27 @@ void Symbolic::sum_up() {
 
 // Children by the rank of their last pivot: whatever their places, they are added to their parent in one order.
 void Symbolic::link_fronts() {
-  const int count = static_cast<int>(fronts_.size());
-  children_begin_.assign(count + 1, 0);
   for (Front& f : fronts_) {
-    f.parent = !f.live || f.row_blocks == 0 ? -1 : front_of_block_[row_blocks_[f.rows_begin]];
-    if (f.parent >= 0) ++children_begin_[f.parent + 1];
+    f.parent = f.row_blocks == 0 ? -1 : front_of_block_[row_blocks_[f.rows_begin]];
+    if (f.parent >= 0) ++fronts_[f.parent].children;
   }
-  for (int i = 0; i < count; ++i) children_begin_[i + 1] += children_begin_[i];
-  children_.resize(children_begin_[count]);
-  cursor_.assign(children_begin_.begin(), children_begin_.end());
-  post_.clear();  // the roots
+  int total = 0;
+  for (Front& f : fronts_) f.children_begin = total, total += std::exchange(f.children, 0);
+  children_.resize(total);
+  roots_.clear();
   for (const int b : order_) {
     const int i = front_of_block_[b];
     const Front& f = fronts_[i];
     if (pivots_[f.first_pivot + f.pivot_blocks - 1] != b) continue;
-    if (f.parent >= 0)
-      children_[cursor_[f.parent]++] = i;
+    if (f.parent < 0)
+      roots_.push_back(i);
     else
-      post_.push_back(i);
+      children_[fronts_[f.parent].children_begin + fronts_[f.parent].children++] = i;
   }
 }
 
 void Symbolic::make_sequence() {
-  stack_.assign(post_.begin(), post_.end());
+  stack_.assign(roots_.begin(), roots_.end());
   sequence_.clear();
   while (!stack_.empty()) {  // a preorder, which backwards is a postorder
     const int i = stack_.back();
@@ -230,24 +228,25 @@ void Symbolic::make_runs(Front& f) {
   f.runs = static_cast<int>(runs_.size()) - f.runs_begin;
 }
 
-// Towards vectors: of all fronts, as where a pivot stands concerns every front that has it as a row.
 void Symbolic::make_spans() {
   spans_.clear();
-  for (Front& f : fronts_) {
-    f.spans_begin = static_cast<int>(spans_.size());
-    f.spans = 0;
-    if (!f.live) continue;
-    int end = -1;
-    for (int q = f.rows_begin; q < f.rows_begin + f.row_blocks; ++q) {
-      const int b = row_blocks_[q], scalar = block_scalar_[b];
-      if (scalar == end)
-        spans_.back().length += dims_[b];
-      else
-        spans_.push_back({row_offsets_[q], scalar, dims_[b]});
-      end = scalar + dims_[b];
-    }
-    f.spans = static_cast<int>(spans_.size()) - f.spans_begin;
+  for (Front& f : fronts_)
+    if (f.live) make_spans(f);
+}
+
+// Towards vectors.
+void Symbolic::make_spans(Front& f) {
+  f.spans_begin = static_cast<int>(spans_.size());
+  int end = -1;
+  for (int q = f.rows_begin; q < f.rows_begin + f.row_blocks; ++q) {
+    const int b = row_blocks_[q], scalar = block_scalar_[b];
+    if (scalar == end)
+      spans_.back().length += dims_[b];
+    else
+      spans_.push_back({row_offsets_[q], scalar, dims_[b]});
+    end = scalar + dims_[b];
   }
+  f.spans = static_cast<int>(spans_.size()) - f.spans_begin;
 }
 
 void Symbolic::cut_subtrees() {

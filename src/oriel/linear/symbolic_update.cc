@@ -3,6 +3,7 @@
 // front is merged into another one depends on both. A front that nothing reaches stays, unless its parent, made anew,
 // would take it in: then its columns are made anew as well.
 #include <algorithm>
+#include <utility>
 
 #include "oriel/linear/symbolic.h"
 
@@ -34,7 +35,7 @@ bool Symbolic::update(const BlockPattern& pattern, std::span<const int> order, s
   sort_few_rows(first);
   place_rows(first);
   sum_up();
-  link_fronts();
+  link_few_fronts(first);
   make_sequence();
   place_columns(pattern, before);
   for (std::size_t i = first; i < fronts_.size(); ++i) {
@@ -42,7 +43,7 @@ bool Symbolic::update(const BlockPattern& pattern, std::span<const int> order, s
     for (const int child : children(static_cast<int>(i))) make_runs(fronts_[child]);
     make_matrix_runs(fronts_[i]);
   }
-  make_spans();
+  make_few_spans();
   cut_subtrees();
   place_updates();
   return true;
@@ -92,6 +93,46 @@ bool Symbolic::gather_columns(int before) {
 
 void Symbolic::drop_marked() {
   for (const int i : marked_) fronts_[i].live = false;
+}
+
+// The new fronts, and those that stay below them, get their parents; the new ones their children.
+void Symbolic::link_few_fronts(std::size_t first) {
+  auto rank = [this](int i) { return rank_[pivots(fronts_[i]).back()]; };
+  auto by_rank = [&](int a, int b) { return rank(a) < rank(b); };
+  std::vector<int>& linked = post_;
+  linked.clear();
+  for (const int b : nodes_)
+    if (is_root_[b] != 0) linked.push_back(front_of_block_[b]);
+  for (std::size_t i = first; i < fronts_.size(); ++i) linked.push_back(static_cast<int>(i));
+  std::sort(linked.begin(), linked.end(), by_rank);
+  std::erase_if(roots_, [this](int i) { return !fronts_[i].live; });
+  const std::size_t old_roots = roots_.size();
+  for (const int i : linked) {
+    Front& f = fronts_[i];
+    f.parent = f.row_blocks == 0 ? -1 : front_of_block_[row_blocks_[f.rows_begin]];
+    if (f.parent >= 0)
+      ++fronts_[f.parent].children;
+    else
+      roots_.push_back(i);
+  }
+  std::inplace_merge(roots_.begin(), roots_.begin() + static_cast<std::ptrdiff_t>(old_roots), roots_.end(), by_rank);
+  for (std::size_t i = first; i < fronts_.size(); ++i) {
+    fronts_[i].children_begin = static_cast<int>(children_.size());
+    children_.resize(children_.size() + static_cast<std::size_t>(std::exchange(fronts_[i].children, 0)));
+  }
+  for (const int i : linked)
+    if (const int up = fronts_[i].parent; up >= 0) children_[fronts_[up].children_begin + fronts_[up].children++] = i;
+}
+
+// Of the fronts that have a row among pivots that stand elsewhere now. What was made anew is closed upwards: such a
+// front has one for its last row.
+void Symbolic::make_few_spans() {
+  if (spans_.size() > 2 * row_blocks_.size()) return make_spans();
+  std::vector<char>& is_moved = is_marked_;
+  is_moved.assign(dims_.size(), 0);
+  for (const int b : nodes_) is_moved[b] = is_root_[b] == 0;
+  for (Front& f : fronts_)
+    if (f.live && f.row_blocks > 0 && is_moved[row_blocks_[f.rows_begin + f.row_blocks - 1]] != 0) make_spans(f);
 }
 
 // Few of many: each sorted by itself.

@@ -10,9 +10,10 @@ Error damaged(const char* what) { return {ErrorCode::size_mismatch, std::string(
 // Every field by name: one that is added to the struct and forgotten here does not compile.
 template <class State, class F>
 void for_each_field(State& state, F&& f) {
-  auto& [lambda, solved_version] = state;
+  auto& [lambda, solved_version, order] = state;
   f(lambda);
   f(solved_version);
+  static_cast<void>(order);  // of a large graph: who follows from the start has made the same
 }
 template <class Options, class F>
 void for_each_number(Options& options, F&& f) {

@@ -57,6 +57,7 @@ class ReplicaServer {
     auto request = read_solve(message);
     if (!request) return request.error();
     request->state.solved_version = engine_.state().solved_version;
+    request->state.order = engine_.state().order;
     engine_.restore(request->state);
     return answer(engine_.solve(request->options));
   }

@@ -64,6 +64,7 @@ Result<SolveOutput> SolveContext::solve(const SolveInput& input) {
   s.sequence = 0;  // in vain until the end
   if (auto ok = s.graph.apply(s.edit); !ok) return ok.error();
   request->state.solved_version = s.engine.state().solved_version;
+  request->state.order = s.edit.whole() ? input.order : s.engine.state().order;
   s.engine.restore(request->state);
   const Summary summary = s.engine.solve(request->options);
   s.sequence = input.sequence;
@@ -72,6 +73,7 @@ Result<SolveOutput> SolveContext::solve(const SolveInput& input) {
   out.version = input.version;
   if (!summary.failed() && summary.accepted > 0) append_solution(out.solution, s.engine.solution());
   append_outcome(out.outcome, outcome_of(summary, s.engine.state(), s.graph));
+  out.order = s.engine.state().order;
   return out;
 }
 
@@ -104,7 +106,7 @@ SolveInput SolveOwner::collect(const SolveOptions& options) {
   SolveInput in;
   graph_->collect(subscription_, edit_);
   if (std::exchange(whole_, false))
-    edit_.mark_whole();
+    edit_.mark_whole(), in.order = state_.order;
   else
     send_values_of_fixed(*graph_, edit_);
   in.sequence = ++sequence_;
@@ -124,6 +126,7 @@ Result<void> SolveOwner::take(const SolveOutput& output) {
   if (!outcome) return outcome.error();
   outcome_ = *outcome;
   state_ = outcome_.state;
+  state_.order = output.order;
   if (output.solution.empty()) return {};
   const auto solution = read_message(output.solution);
   if (!solution) return solution.error();

@@ -22,10 +22,12 @@ struct SolveInput {
   std::uint64_t sequence = 0;  // of the job; edits that do not follow those of the job before are refused
   std::uint64_t version = 0;   // of the owner's graph
   Bytes edit, request;
+  EliminationOrder order;  // of a large graph, with the whole of it: the state that a worker before had reached
 };
 struct SolveOutput {
   std::uint64_t version = 0;
   Bytes solution, outcome;
+  EliminationOrder order;  // of a large graph
 };
 
 namespace run_detail {

@@ -16,7 +16,7 @@ EngineCapabilities NativeEngine::capabilities() const noexcept {
   can.levenberg_marquardt = can.gauss_newton = can.dogleg = true;
   can.conjugate_gradient = can.orderings = can.deadline = can.callback = can.threads = true;
   can.losses = can.linear_priors = can.first_estimates = can.covariance = can.deterministic = true;
-  return can;  // not incremental: an edit that changes the structure has its layout made anew
+  return can;  // not incremental: it is for large graphs without landmarks alone
 }
 
 Result<void> NativeEngine::sync() noexcept {
@@ -69,7 +69,7 @@ Result<void> NativeEngine::sync(const SolveOptions& options) {
     factor.ordering =
         options.ordering == OrderingMethod::given ? OrderingMethod::automatic : options.ordering;  // nobody gives one
     structure_version_ = ~std::uint64_t{0};  // half a structure is none
-    if (auto ok = structure_.build(*graph_, factor); !ok) return ok;
+    if (auto ok = structure_.build(*graph_, factor, state_.order); !ok) return ok;
     if (structure_.forms_reduced()) {
       schur_.prepare(structure_);
     } else {

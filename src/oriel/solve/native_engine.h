@@ -18,6 +18,7 @@ namespace oriel {
 struct SolverState {
   double lambda = 0.0;               // where the last solve ended; each begins with the option's
   std::uint64_t solved_version = 0;  // version of the graph that the last solve's values went into
+  EliminationOrder order;            // of a large graph; empty for others. No message has it: who follows makes its own
 };
 
 class NativeEngine final : public Engine {

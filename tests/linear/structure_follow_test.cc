@@ -1,0 +1,178 @@
+// A structure that follows a large graph, against one that is built from nothing with the same elimination order: the
+// same bits. The graphs here are small; they are told to count as large.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <random>
+#include <vector>
+
+#include "oriel/linear/linearize.h"
+#include "oriel/manifold/se2.h"
+#include "oriel/manifold/se3.h"
+#include "oriel/residual/between.h"
+#include "oriel/residual/prior.h"
+
+namespace oriel {
+namespace {
+
+FactorOptions counts_as_large() {
+  FactorOptions options;
+  options.least_followed = 10;
+  return options;
+}
+
+// A drive that goes on, forgets its newest end, ties and unties, fixes and frees.
+template <class Pose>
+struct Drive {
+  explicit Drive(unsigned seed) : random(seed) {}
+  int below(std::size_t n) { return static_cast<int>(random() % n); }
+  Pose somewhere() {
+    Vec<double, Pose::kDim> d;
+    for (int i = 0; i < Pose::kDim; ++i) d[i] = std::uniform_real_distribution<double>(-0.2, 0.2)(random);
+    return Pose{}.plus(d);
+  }
+  FactorId tie(GraphEdit& edit, VariableId<Pose> a, VariableId<Pose> b) {
+    return edit.add(Between<Pose>{somewhere()}, Sigma(0.3), a, b);
+  }
+  void grow(GraphEdit& edit, int n) {
+    for (; n > 0; --n) {
+      poses.push_back(edit.add(somewhere()));
+      if (poses.size() == 1) edit.add(Prior{Pose{}}, Sigma(0.1), poses[0]);
+      if (poses.size() > 1) factors.push_back(tie(edit, poses[poses.size() - 2], poses.back()));
+      if (poses.size() > 25 && below(3) == 0)
+        factors.push_back(tie(edit, poses[poses.size() - 21 - static_cast<std::size_t>(below(4))], poses.back()));
+    }
+  }
+  void shrink(GraphEdit& edit, int n) {
+    for (; n > 0 && poses.size() > 40; --n) {
+      edit.remove(poses.back());
+      poses.pop_back();
+    }
+  }
+  void change(GraphEdit& edit) {
+    switch (below(8)) {
+      case 0:
+      case 1:
+      case 2:
+        return grow(edit, 1 + below(4));
+      case 3:
+        return shrink(edit, 1 + below(4));
+      case 4:
+        factors.push_back(tie(edit, poses[static_cast<std::size_t>(below(poses.size()))], poses.front()));
+        return;
+      case 5: {
+        const std::size_t at = static_cast<std::size_t>(below(factors.size()));
+        if (graph.contains(factors[at])) edit.remove(factors[at]);
+        return;
+      }
+      case 6:  // at the newest end, mostly
+        return edit.fix(poses[poses.size() - 1 - static_cast<std::size_t>(below(below(4) == 0 ? poses.size() : 2))],
+                        below(2) == 0);
+      default:
+        if (below(3) == 0) {  // anywhere: all places behind it move
+          const std::size_t at = 1 + static_cast<std::size_t>(below(poses.size() - 2));
+          edit.remove(poses[at]);
+          poses.erase(poses.begin() + static_cast<std::ptrdiff_t>(at));
+        } else {
+          edit.add(Prior{somewhere()}, Sigma(1.0), poses[static_cast<std::size_t>(below(poses.size()))]);
+        }
+    }
+  }
+  void apply_change() {
+    GraphEdit edit = graph.edit();
+    change(edit);
+    ASSERT_TRUE(graph.apply(edit));
+  }
+
+  std::mt19937 random;
+  Graph graph;
+  std::vector<VariableId<Pose>> poses;
+  std::vector<FactorId> factors;
+};
+
+// The whole linear problem at the graph's values, solved.
+std::vector<double> step_of(const Graph& graph, LinearStructure& s) {
+  Linearizer linearizer;
+  Point point;
+  point.take(graph);
+  ActiveSet active;
+  LinearSystem system;
+  linearizer.evaluate(graph, s, point, nullptr, active, nullptr);
+  linearizer.linearize(graph, s, point, &active, system, nullptr);
+  const std::vector<double> damping(static_cast<std::size_t>(s.dim()), 1e-3);
+  s.factorization().factor(system.h.data(), damping.data());
+  std::vector<double> step(static_cast<std::size_t>(s.dim()));
+  s.factorization().solve(system.gradient.data(), step.data());
+  step.push_back(active.total);
+  return step;
+}
+
+struct Followed {
+  int updates = 0, orders = 0;
+};
+
+template <class Pose>
+Followed follow(unsigned seed, int poses, int changes) {
+  Drive<Pose> drive(seed);
+  GraphEdit edit = drive.graph.edit();
+  drive.grow(edit, poses);
+  EXPECT_TRUE(drive.graph.apply(edit));
+  LinearStructure kept;
+  EliminationOrder order;
+  EXPECT_TRUE(kept.build(drive.graph, counts_as_large(), order));
+  for (int k = 0; k < changes; ++k) {
+    for (int more = drive.below(3); more >= 0; --more) drive.apply_change();
+    EliminationOrder same = order;  // of an engine whose caches were dropped
+    LinearStructure fresh;
+    EXPECT_TRUE(kept.build(drive.graph, counts_as_large(), order));
+    EXPECT_TRUE(fresh.build(drive.graph, counts_as_large(), same));
+    EXPECT_EQ(order, same) << seed << " " << k;
+    EXPECT_EQ(kept.factorization().symbolic().flops(), fresh.factorization().symbolic().flops());
+    EXPECT_EQ(step_of(drive.graph, kept), step_of(drive.graph, fresh)) << seed << " " << k;
+    if (::testing::Test::HasFailure()) break;
+  }
+  return {static_cast<int>(kept.factorization().updates()), static_cast<int>(order.made)};
+}
+
+int longer(int n) {
+  const char* times = std::getenv("ORIEL_FOLLOW_TIMES");
+  return times == nullptr ? n : n * std::atoi(times);
+}
+
+// L10
+TEST(StructureFollow, HasTheBitsOfOneThatIsBuiltAnew) {
+  Followed all;
+  for (int seed = 1; seed <= longer(8) && !HasFailure(); ++seed) {
+    const Followed f = follow<Pose2d>(static_cast<unsigned>(seed), 300, 40);
+    all.updates += f.updates, all.orders += f.orders;
+  }
+  EXPECT_GT(all.updates, longer(8) * 8) << "what follows nearly always begins anew";
+  EXPECT_GT(all.orders, longer(8)) << "no order was ever made anew";
+}
+
+// L10: in three dimensions, with a step that differs from any before as rows are in slices when there are enough.
+TEST(StructureFollow, HasTheBitsOfOneThatIsBuiltAnewWithRowsInSlices) {
+  const Followed f = follow<Pose3d>(5, 2800, 10);
+  EXPECT_GT(f.updates, 2);
+}
+
+TEST(StructureFollow, DoesNoSymbolicWorkWhereNothingIsTiedInAnotherWay) {
+  Drive<Pose2d> drive(1);
+  GraphEdit edit = drive.graph.edit();
+  drive.grow(edit, 100);
+  ASSERT_TRUE(drive.graph.apply(edit));
+  LinearStructure kept;
+  EliminationOrder order;
+  ASSERT_TRUE(kept.build(drive.graph, counts_as_large(), order));
+  edit = drive.graph.edit();
+  edit.add(Prior{Pose2d{}}, Sigma(1.0), drive.poses[7]);
+  ASSERT_TRUE(drive.graph.apply(edit));
+  ASSERT_TRUE(kept.build(drive.graph, counts_as_large(), order));
+  EXPECT_EQ(kept.factorization().analyses(), 1);
+  EXPECT_EQ(kept.factorization().updates(), 0);
+  EXPECT_EQ(order.made, 1u);
+}
+
+}  // namespace
+}  // namespace oriel
