@@ -28,6 +28,7 @@ struct News {
   std::set<Name> removed, reweighed;
   std::set<std::pair<Name, int>> set;
   std::set<std::pair<Name, bool>> fixed;
+  std::set<std::tuple<Name, std::uint32_t, Freedom::Axes>> freedoms;
   std::size_t named = 0;  // entries for what sets hold once
 
   friend bool operator==(const News&, const News&) = default;
@@ -43,7 +44,8 @@ News news_of(const GraphEdit& edit, const Graph& graph) {
     for (const SlotKey k : c->removed) out.removed.insert(name(c->ops->key, k));
     for (const auto& [k, kind] : c->set) out.set.insert({name(c->ops->key, k), static_cast<int>(kind)});
     for (const auto& [k, fixed] : c->fixed) out.fixed.insert({name(c->ops->key, k), fixed});
-    out.named += c->removed.size() + c->set.size() + c->fixed.size();
+    for (const auto& [k, f] : c->freedoms) out.freedoms.insert({name(c->ops->key, k), f.held, f.axes});
+    out.named += c->removed.size() + c->set.size() + c->fixed.size() + c->freedoms.size();
   }
   for (const auto& t : graph.tables())
     for (const auto& c : edit.factor_columns()) {
@@ -97,6 +99,7 @@ class Follower {
       if (v.set > seen_) out.set.insert({name(v.id), static_cast<int>(edit::SetKind::value)});
       if (v.first_set > seen_) out.set.insert({name(v.id), static_cast<int>(edit::SetKind::first_estimate)});
       if (v.flagged > seen_) out.fixed.insert({name(v.id), v.fixed});
+      if (v.restricted > seen_) out.freedoms.insert({name(v.id), v.freedom.held, v.freedom.axes});
     }
     for (const ModelFactor& f : now.factors)
       if (f.added <= seen_ && f.weighed > seen_) out.reweighed.insert(name(f.id));
@@ -104,7 +107,7 @@ class Follower {
       if (now.find(v.id) == nullptr) out.removed.insert(name(v.id));
     for (const ModelFactor& f : view_.factors)
       if (now.find(f.id) == nullptr) out.removed.insert(name(f.id));
-    out.named = out.removed.size() + out.set.size() + out.fixed.size();
+    out.named = out.removed.size() + out.set.size() + out.fixed.size() + out.freedoms.size();
     return out;
   }
 
@@ -115,7 +118,7 @@ class Follower {
     for (const ModelVariable& v : origin_.model.variables) {
       if (v.added > seen_) continue;
       std::set<std::uint64_t> changes;
-      for (const std::uint64_t at : {v.set, v.flagged, v.first_set})
+      for (const std::uint64_t at : {v.set, v.flagged, v.first_set, v.restricted})
         if (at > seen_) changes.insert(at);
       n += changes.size();
     }
@@ -242,19 +245,20 @@ TEST(ChangeLogFuzz, KeepsThreeFollowersInStepUnderRandomOperations) {
     const ModelOperations::Counts& c = r.origin.counts();
     all.added += c.added, all.removed += c.removed, all.set += c.set, all.flagged += c.flagged;
     all.raised_nothing += c.raised_nothing, all.estimates += c.estimates, all.priors += c.priors;
-    all.losses += c.losses, all.came_and_went += c.came_and_went, all.adopted += c.adopted;
+    all.restricted += c.restricted, all.losses += c.losses, all.came_and_went += c.came_and_went,
+        all.adopted += c.adopted;
     all.kept_from_solution += c.kept_from_solution, all.refused += c.refused, all.cleared += c.cleared;
     if (seed >= 0) break;
   }
   std::cout << done << " operations: " << all.added << " variables added, " << all.removed << " things removed, "
             << all.set << " values, " << all.flagged << " flags (" << all.raised_nothing << " as they were), "
-            << all.estimates << " first estimates, " << all.losses << " losses set, " << all.priors << " priors, "
-            << all.came_and_went << " removed-added-removed, " << all.adopted << " solutions ("
-            << all.kept_from_solution << " values kept from them), " << all.refused << " edits refused, " << all.cleared
-            << " times all removed; " << looks << " looks, " << behind << " times behind, " << wholes
-            << " wholes taken\n";
-  for (const std::int64_t n :
-       {all.raised_nothing, all.came_and_went, all.kept_from_solution, all.refused, all.cleared, wholes})
+            << all.restricted << " freedoms, " << all.estimates << " first estimates, " << all.losses << " losses set, "
+            << all.priors << " priors, " << all.came_and_went << " removed-added-removed, " << all.adopted
+            << " solutions (" << all.kept_from_solution << " values kept from them), " << all.refused
+            << " edits refused, " << all.cleared << " times all removed; " << looks << " looks, " << behind
+            << " times behind, " << wholes << " wholes taken\n";
+  for (const std::int64_t n : {all.raised_nothing, all.restricted, all.came_and_went, all.kept_from_solution,
+                               all.refused, all.cleared, wholes})
     EXPECT_GT(n, 0);
 }
 

@@ -16,8 +16,9 @@ struct ModelVariable {
   const VariableOps* ops = nullptr;
   std::array<double, 8> value{}, first{};  // as many bytes as the type has
   bool fixed = false, has_first = false;
+  Freedom freedom{};
   int label = -1;
-  std::uint64_t added = 0, set = 0, flagged = 0, first_set = 0;  // when; 0: never
+  std::uint64_t added = 0, set = 0, flagged = 0, first_set = 0, restricted = 0;  // when; 0: never
 
   const VariableOps& type() const { return *ops; }
   bool same_value(const void* p) const { return std::memcmp(value.data(), p, ops->bytes) == 0; }
@@ -59,6 +60,7 @@ inline std::string variable_difference(const Graph& graph, const VariablePool& p
   if (id != v.id) return graph.describe(id) + " stands where " + graph.describe(v.id) + " was expected";
   if (!v.same_value(pool.value(d))) return graph.describe(id) + " has another value";
   if (pool.fixed(d) != v.fixed) return graph.describe(id) + " has another flag";
+  if (!(pool.freedom(d) == v.freedom)) return graph.describe(id) + " has another freedom";
   if (pool.has_first_estimate(d) != v.has_first ||
       (v.has_first && std::memcmp(v.first.data(), pool.first_estimate(d), pool.ops().bytes) != 0))
     return graph.describe(id) + " has another first estimate";

@@ -15,7 +15,8 @@ class ModelOperations {
 
   struct Counts {
     std::int64_t added = 0, removed = 0, set = 0, flagged = 0, raised_nothing = 0, estimates = 0, priors = 0,
-                 losses = 0, came_and_went = 0, adopted = 0, kept_from_solution = 0, refused = 0, cleared = 0;
+                 losses = 0, came_and_went = 0, adopted = 0, kept_from_solution = 0, refused = 0, cleared = 0,
+                 restricted = 0;
   };
   const Counts& counts() const { return counts_; }
   const std::string& error() const { return error_; }
@@ -31,7 +32,8 @@ class ModelOperations {
     if (model.variables.size() < 4 || what < (grows ? 10 : 4)) return add_variable();
     if (what < (grows ? 30 : 14)) return add_factor();
     if (what < 40) return set_value();
-    if (what < 50) return fix();
+    if (what < 46) return fix();
+    if (what < 50) return restrict();
     if (what < 56) return set_first_estimate();
     if (what < 60) return add_prior();
     if (what < 66) return set_loss();
@@ -91,6 +93,7 @@ class ModelOperations {
     v.fixed = below(4) == 0;
     if (v.fixed) v.flagged = v.added;
     if (v.fixed) edit.fix(v.id);
+    if (below(6) == 0) v.freedom = freedom(), v.restricted = v.added, edit.set(v.id, v.freedom);
     model.variables.push_back(v);
     ++counts_.added;
   }
@@ -152,6 +155,25 @@ class ModelOperations {
     ++(fixed == v.fixed ? counts_.raised_nothing : counts_.flagged);
     if (fixed != v.fixed) v.flagged = graph.version();  // C6
     v.fixed = fixed;
+  }
+
+  // Of poses and points alike.
+  Freedom freedom() {
+    const Freedom::Axes axes = below(2) ? Freedom::Axes::world : Freedom::Axes::body;
+    return Freedom::hold({below(3)}, axes);
+  }
+
+  void restrict() {
+    GraphEdit edit = graph.edit();
+    ModelVariable& v = *model.find(any(model.variables).id);
+    const Freedom wanted = below(3) == 0 ? Freedom::full() : below(3) == 0 ? v.freedom : freedom();
+    if (below(4) == 0) edit.set(v.id, freedom());  // of one that is named twice the last holds
+    edit.set(v.id, wanted);
+    const bool told = edit.variables(v.ops).freedoms.front().second != v.freedom || wanted != v.freedom;
+    apply(edit);
+    ++(told ? counts_.restricted : counts_.raised_nothing);
+    if (told) v.restricted = graph.version();  // C6
+    v.freedom = wanted;
   }
 
   void set_loss() {
@@ -289,7 +311,7 @@ class ModelOperations {
       const std::array<double, 8> value = value_of(v.ops);
       found.columns[type].keys.push_back(v.id.key);
       found.columns[type].values.push_back(value.data());
-      if (v.fixed || v.set > found.version) {
+      if (v.fixed || v.set > found.version || (!v.freedom.is_full() && v.restricted > found.version)) {
         ++counts_.kept_from_solution;
         continue;
       }
@@ -311,6 +333,7 @@ class ModelOperations {
     const ModelVariable& v = any(model.variables);
     edit.remove(any(model.variables).id);
     edit.fix(v.id, !v.fixed);
+    edit.set(v.id, freedom());
     edit.add(point());
     switch (below(3)) {
       case 0:

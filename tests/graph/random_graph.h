@@ -37,7 +37,8 @@ class RandomGraph {
  public:
   Graph graph;
 
-  explicit RandomGraph(unsigned seed) : random_(seed) {}
+  // `restricts`: directions of variables are held and let go as well.
+  explicit RandomGraph(unsigned seed, bool restricts = false) : random_(seed), restricts_(restricts) {}
 
   // What a live variable or factor should be.
   struct Item {
@@ -159,8 +160,16 @@ class RandomGraph {
 
   void fix(GraphEdit& edit) {
     Item& v = variables_[static_cast<std::size_t>(below(static_cast<int>(variables_.size())))];
+    if (restricts_ && below(4) > 0) return edit.set(v.id, freedom(v.id.type == kVariableOps<Pose3d>.key));
     v.fixed = below(3) == 0;
     edit.fix(v.id, v.fixed);
+  }
+
+  Freedom freedom(bool pose) {
+    if (below(4) == 0) return Freedom::full();
+    if (!pose) return Freedom::hold({below(3)}, below(2) ? Freedom::Axes::world : Freedom::Axes::body);
+    const Freedom of_poses[] = {Freedom::position(), Freedom::rotation(), Freedom::yaw(), Freedom::planar()};
+    return of_poses[below(4)];
   }
 
   // Over up to three poses.
@@ -220,6 +229,8 @@ class RandomGraph {
         if (s.first == id.key) return true;
       for (const auto& f : c->fixed)
         if (f.first == id.key) return true;
+      for (const auto& f : c->freedoms)
+        if (f.first == id.key) return true;
     }
     for (const VariableKey& v : edit.priors().variables)
       if (v == id) return true;
@@ -232,6 +243,7 @@ class RandomGraph {
   void note(FactorId id, std::vector<VariableKey> variables) { factors_.push_back({id, std::move(variables)}); }
 
   std::mt19937 random_;
+  bool restricts_;
   std::vector<Item> variables_;
   std::vector<FactorItem> factors_;
 };

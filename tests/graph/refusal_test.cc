@@ -39,6 +39,12 @@ struct Stranger {  // a variable type that the graph never met
   Vec1d minus(const Stranger& o) const { return {x - o.x}; }
 };
 
+struct NoDirections {  // a constant
+  static constexpr std::string_view kName = "test.no_directions/1";
+  static constexpr int kDim = 0;
+  double x = 0.0;
+};
+
 using E = GraphEdit;
 
 std::vector<Refusal> wrong_ids() {
@@ -68,6 +74,14 @@ std::vector<Refusal> wrong_ids() {
        }},
       {"a set stale id", ErrorCode::stale_id, "#3.1", [](Chain& g, E& e) { e.set(g.gone, pose_at(1)); }},
       {"a fixed stale id", ErrorCode::stale_id, "#3.1", [](Chain& g, E& e) { e.fix(g.gone); }},
+      {"directions of a stale id", ErrorCode::stale_id, "#3.1",
+       [](Chain& g, E& e) { e.set(g.gone, Freedom::position()); }},
+      {"directions of a variable that the edit removes", ErrorCode::stale_id, "'a'",
+       [](Chain& g, E& e) { e.remove(g.a), e.set(g.a, Freedom::position()); }},
+      {"directions of an id of an unknown type", ErrorCode::stale_id, "type",
+       [](Chain&, E& e) {
+         e.set(VariableKey(VariableId<Stranger>{{0, 1}}), Freedom::position());
+       }},
       {"a removed stale factor", ErrorCode::stale_id, "prior/1", [](Chain& g, E& e) { e.remove(g.gone_factor); }},
       {"a removed stale linear prior", ErrorCode::stale_id, "linear prior",
        [](Chain&, E& e) {
@@ -104,6 +118,22 @@ std::vector<Refusal> wrong_numbers() {
        [](Chain& g, E& e) { e.add(Prior{pose_at(0)}, Sigma(0.0), g.a); }},
       {"a negative sigma", ErrorCode::indefinite, "noise",
        [](Chain& g, E& e) { e.add(Prior{pose_at(0)}, Sigmas(Vec6d::constant(-1.0)), g.a); }},
+      {"a direction that the type has not", ErrorCode::bad_input, "6 components",
+       [](Chain& g, E& e) { e.set(g.b, Freedom::hold({6})); }},
+      {"all directions held", ErrorCode::bad_input, "fix it",
+       [](Chain& g, E& e) {
+         e.set(g.b, Freedom::hold({0, 1, 2, 3, 4, 5}, Freedom::Axes::world));
+       }},
+      {"directions of a constant", ErrorCode::bad_input, "constant",
+       [](Chain&, E& e) { e.set(e.add(NoDirections{}), Freedom::hold({0})); }},
+      {"world axes of a type without", ErrorCode::bad_input, "world axes",
+       [](Chain&, E& e) { e.set(e.add(ImuBiasd{}), Freedom::hold({0}, Freedom::Axes::world)); }},
+      {"a new variable that comes with such", ErrorCode::bad_input, "6 components",
+       [](Chain&, E& e) {
+         const auto id = e.add(pose_at(1));
+         e.variables(&kVariableOps<Pose3d>).added.back().freedom = Freedom::hold({7});
+         static_cast<void>(id);
+       }},
       {"a loss without a scale", ErrorCode::bad_input, "loss",
        [](Chain& g, E& e) { e.add(Prior{pose_at(0)}, Sigma(1), Huber(0.0), g.a); }},
   };

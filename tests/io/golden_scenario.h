@@ -45,8 +45,8 @@ struct Scenario {
     EXPECT_TRUE(graph.apply(edit));
   }
 
-  // `whole`: it falls behind at the end.
-  void record(const std::string& path, bool whole) {
+  // `whole`: it falls behind at the end. `restricts`: directions are held, of what comes and of what is there.
+  void record(const std::string& path, bool whole, bool restricts = false) {
     auto journal = JournalWriter::create(path, graph);
     ASSERT_TRUE(journal) << journal.error();
     NativeEngine engine(graph);
@@ -56,7 +56,7 @@ struct Scenario {
     const Summary summary = engine.solve(options);
     ASSERT_GT(summary.accepted, 0);
     journal->solved(options, before, summary, engine);
-    change();
+    change(restricts);
     journal->edited();
     GraphEdit edit = graph.edit();
     edit.remove(held);
@@ -73,7 +73,7 @@ struct Scenario {
   }
 
  private:
-  void change() {
+  void change(bool restricts) {
     GraphEdit edit = graph.edit();
     late = edit.add(point(1, 1, 1), Label("late"));
     edit.add(Between{point(-3, 1, 1)}, Sigma(0.5), held, late);
@@ -81,6 +81,7 @@ struct Scenario {
     edit.set(held, point(5, 0, 0));
     edit.fix(held, false);
     edit.set(first, TruncatedSquares(4.0, 0.5));
+    if (restricts) edit.set(late, Freedom::hold({1})), edit.set(start, Freedom::hold({0, 2}, Freedom::Axes::world));
     ASSERT_TRUE(graph.apply(edit));
   }
 };

@@ -101,18 +101,34 @@ TEST_F(JournalGolden, OfVersionTwoIsReadAndHasTheWholeOfAGraph) {
   expect_contents(graph, s, 2.0);
 }
 
+TEST_F(JournalGolden, OfMessagesOfVersionThreeIsReadAndHasFreedoms) {
+  golden::Scenario s;
+  s.record(path_, true, true);
+  Graph graph;
+  const auto report = replay_bytes(golden(3), graph, true);
+  ASSERT_TRUE(report) << report.error();
+  EXPECT_FALSE(report->damage);
+  EXPECT_EQ(report->messages, 8);
+  EXPECT_EQ(report->edits, 4);
+  EXPECT_EQ(report->differing, 0);
+  EXPECT_EQ(fingerprint(graph), fingerprint(s.graph));
+  expect_contents(graph, s, 2.0);
+  EXPECT_EQ(graph.freedom(s.late), Freedom::hold({1}));
+  EXPECT_EQ(graph.freedom(s.start), Freedom::hold({0, 2}, Freedom::Axes::world));
+}
+
 // A change of the format without another version would show here.
 TEST_F(JournalGolden, OfTheLatestVersionIsWhatIsWrittenToday) {
   golden::Scenario s;
   const char* wanted = std::getenv("ORIEL_GOLDEN");
-  s.record(wanted != nullptr ? wanted : path_, true);
+  s.record(wanted != nullptr ? wanted : path_, true, true);
   if (wanted != nullptr) GTEST_SKIP() << "written to " << wanted;
-  EXPECT_EQ(written().substr(0, 16), golden(2).substr(0, 16));
-  EXPECT_TRUE(content(written()) == content(golden(2)));
+  EXPECT_EQ(written().substr(0, 16), golden(3).substr(0, 16));
+  EXPECT_TRUE(content(written()) == content(golden(3)));
 }
 
 TEST_F(JournalGolden, IsGoodUpToAnyByteThatIsMissingOrChanged) {
-  for (const int version : {1, 2}) {
+  for (const int version : {1, 2, 3}) {
     const std::string whole = golden(version);
     for (std::size_t n = 60; n < whole.size(); ++n) {
       Graph cut, changed;
@@ -136,7 +152,7 @@ TEST_F(JournalGolden, WithMessagesOfAnotherVersionIsRefusedWithBothNumbers) {
   Graph graph;
   const auto report = replay_bytes(bytes, graph);
   ASSERT_FALSE(report);
-  EXPECT_NE(report.error().text().find("version 1, 2 expected"), std::string::npos) << report.error();
+  EXPECT_NE(report.error().text().find("version 1, 2 to 3 expected"), std::string::npos) << report.error();
 }
 
 TEST_F(JournalGolden, SaysSoWhereSomethingFollowsItsEnd) {

@@ -35,8 +35,7 @@ bool stands(const Graph& graph, const ChangeLog::Change& c) {
   const VariablePool* pool = graph.find_pool(c.id.type);
   const std::uint32_t d = pool->slots().find(c.id.key);
   if (d == SlotIndex::kNone) return false;
-  const VariablePool::Versions& v = pool->versions(d);
-  return v.value == c.version || v.fixed == c.version || v.first_estimate == c.version;
+  return pool->versions(d).changed_in(c.version);
 }
 
 auto identity(const ChangeLog::LossChange& c) { return std::tuple(c.id.table, c.id.key.index, c.id.key.generation); }

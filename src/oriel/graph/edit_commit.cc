@@ -69,6 +69,7 @@ void EditCommit::resolve_references() {
   for (auto& c : edit_.variable_columns()) {
     for (auto& s : c->set) resolve(c->ops->key, s.first);
     for (auto& f : c->fixed) resolve(c->ops->key, f.first);
+    for (auto& f : c->freedoms) resolve(c->ops->key, f.first);
   }
   for (auto& c : edit_.factor_columns()) {
     const auto& types = c->ops->variables;
@@ -273,6 +274,7 @@ void EditCommit::add_variables() {
       const edit::AddedVariable& a = c->added[i];
       const std::uint32_t dense = pool.insert(a.key, a.serial, c->values.at(i), a.fixed, g_.version_);
       if (a.has_first_estimate) pool.set_first_estimate(dense, c->first_estimates.at(i), g_.version_);
+      if (!a.freedom.is_full()) set_freedom(pool, dense, a.freedom);
     }
   }
   if (!g_.labels_ && !edit_.labels().empty()) g_.labels_ = make_owned<LabelTable>();
@@ -343,7 +345,7 @@ void EditCommit::set_first_estimates(std::uint32_t row) {
 // Before its versions are raised: one note a variable and edit, however much of it changes.
 void EditCommit::note_change(const VariablePool& pool, std::uint32_t dense) {
   const VariablePool::Versions& v = pool.versions(dense);
-  if (v.value == g_.version_ || v.fixed == g_.version_ || v.first_estimate == g_.version_) return;
+  if (v.changed_in(g_.version_)) return;
   g_.log_.note(ChangeLog::Change{{pool.ops().key, pool.slots().key(dense)}, g_.version_}, v.added);
 }
 
@@ -361,7 +363,7 @@ void EditCommit::set_losses() {
 
 void EditCommit::set_values() {
   for (const auto& c : edit_.variable_columns()) {
-    if (c->set.empty() && c->fixed.empty()) continue;
+    if (c->set.empty() && c->fixed.empty() && c->freedoms.empty()) continue;
     VariablePool& pool = *g_.pools_[g_.pool_index(c->ops)];
     for (std::size_t i = 0; i < c->set.size(); ++i) {
       const std::uint32_t dense = pool.slots().find(c->set[i].first);
@@ -379,7 +381,18 @@ void EditCommit::set_values() {
       note_change(pool, dense);
       pool.set_fixed(dense, fixed, g_.version_);
     }
+    for (const auto& [key, freedom] : c->freedoms) {
+      const std::uint32_t dense = pool.slots().find(key);
+      if (pool.freedom(dense) == freedom) continue;
+      note_change(pool, dense);
+      set_freedom(pool, dense, freedom);
+    }
   }
+}
+
+void EditCommit::set_freedom(VariablePool& pool, std::uint32_t dense, const Freedom& freedom) {
+  pool.set_freedom(dense, freedom, g_.version_);
+  g_.freedom_version_ = g_.version_;
 }
 
 }  // namespace oriel

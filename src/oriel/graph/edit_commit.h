@@ -27,6 +27,7 @@ class EditCommit {
   void add_priors(edit::Priors& priors);
   void set_values();
   void set_losses();
+  void set_freedom(VariablePool& pool, std::uint32_t dense, const Freedom& freedom);
   void remove_factor(std::uint32_t table, SlotKey key);
   void remove_prior(SlotKey key);
   void attach(VariablePool& pool, std::uint32_t dense, std::uint32_t& entry, std::uint32_t table, std::uint32_t slot,

@@ -16,6 +16,19 @@ std::string factor_name(const edit::Factors& c, std::size_t i) {
   return "factor " + number(i + 1) + " of " + std::string(c.ops->residual) + " in this edit";
 }
 
+// What is wrong with a freedom of a variable of this type, after its name; empty: nothing.
+std::string fault_of(const VariableOps& ops, const Freedom& freedom) {
+  if (freedom.is_full()) return {};
+  if (ops.dim == 0) return " is a constant, which has no directions to hold";
+  const std::uint32_t all = ops.dim >= 32 ? ~std::uint32_t{0} : (std::uint32_t{1} << ops.dim) - 1;
+  if ((freedom.held & ~all) != 0)
+    return " has " + number(static_cast<std::size_t>(ops.dim)) + " components, and one above is to be held";
+  if (freedom.held == all && ops.dim <= 32) return " would have no free direction; fix it instead";
+  if (freedom.axes == Freedom::Axes::world && ops.world_axes == nullptr)
+    return " is of a type without world axes (manifold.h)";
+  return {};
+}
+
 const SlotIndex kNoSlots;  // of a type that the graph has not met
 
 // May the i-th factor come in under this key? Its slot has to be empty, or to be emptied by the same edit.
@@ -76,6 +89,12 @@ Result<void> EditValidator::variables(const edit::Variables& c) const {
   for (const auto& [k, fixed] : c.fixed)
     if ((!live(k) || c.removes(k)) && c.find_added(k) == edit::SlotMarks::kNone)
       return Error{ErrorCode::stale_id, "fix: " + name(k) + " is not in the graph"};
+  for (const auto& [k, freedom] : c.freedoms) {
+    if ((!live(k) || c.removes(k)) && c.find_added(k) == edit::SlotMarks::kNone)
+      return Error{ErrorCode::stale_id, "set: " + name(k) + " is not in the graph"};
+    if (const std::string fault = fault_of(*c.ops, freedom); !fault.empty())
+      return Error{ErrorCode::bad_input, "set: " + name(k) + fault};
+  }
   return added_variables(c);
 }
 
@@ -96,6 +115,8 @@ Result<void> EditValidator::added_variables(const edit::Variables& c) const {
       return Error{ErrorCode::not_finite, "add: the value of " + name() + " is not finite"};
     if (a.has_first_estimate && !c.ops->finite(c.first_estimates.at(i)))
       return Error{ErrorCode::not_finite, "add: the first estimate of " + name() + " is not finite"};
+    if (const std::string fault = fault_of(*c.ops, a.freedom); !fault.empty())
+      return Error{ErrorCode::bad_input, "add: " + name() + fault};
   }
   return {};
 }

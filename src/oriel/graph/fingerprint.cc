@@ -47,7 +47,9 @@ void add_pool(Hash& h, const VariablePool& pool) {
     if (!pool.slots().is_live(d)) continue;
     add(h, pool.slots().key(d));
     h.word(pool.slots().serial(d));
-    h.word((pool.fixed(d) ? 1u : 0u) | (pool.has_first_estimate(d) ? 2u : 0u));
+    const Freedom& freedom = pool.freedom(d);  // of what is free it says nothing, as before there were any
+    h.word((pool.fixed(d) ? 1u : 0u) | (pool.has_first_estimate(d) ? 2u : 0u) | (freedom.is_full() ? 0u : 4u));
+    if (!freedom.is_full()) h.word((std::uint64_t{freedom.held} << 8) | static_cast<std::uint64_t>(freedom.axes));
     h.bytes(pool.value(d), pool.ops().bytes);
     if (pool.has_first_estimate(d)) h.bytes(pool.first_estimate(d), pool.ops().bytes);
   }

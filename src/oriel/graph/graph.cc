@@ -29,7 +29,7 @@ Result<void> Graph::replace(GraphEdit& whole) noexcept {
   fresh.version_ = version_;
   if (auto ok = EditValidator(fresh, whole, fresh.marks_).validate(); !ok) return ok;
   EditCommit(fresh, whole).run();
-  fresh.structure_version_ = fresh.version_;
+  fresh.structure_version_ = fresh.freedom_version_ = fresh.version_;
   fresh.log_ = std::move(log_);
   fresh.log_.leave_all_behind();
   *this = std::move(fresh);
@@ -49,6 +49,7 @@ Result<void> Graph::adopt(const Solution& solution) noexcept {
     for (std::size_t i = 0; i < c.keys.size(); ++i) {
       const std::uint32_t dense = pool->slots().find(c.keys[i]);
       if (dense == SlotIndex::kNone || pool->fixed(dense) || pool->versions(dense).value > solution.version) continue;
+      if (!pool->freedom(dense).is_full() && pool->versions(dense).freedom > solution.version) continue;  // held since
       pool->set_value(dense, c.values.at(i));
     }
   }
@@ -119,6 +120,12 @@ bool Graph::fixed(VariableKey id) const {
   return dense != SlotIndex::kNone && p->fixed(dense);
 }
 
+Freedom Graph::freedom(VariableKey id) const {
+  const VariablePool* p = find_pool(id.type);
+  const std::uint32_t dense = p == nullptr ? SlotIndex::kNone : p->slots().find(id.key);
+  return dense == SlotIndex::kNone ? Freedom::full() : p->freedom(dense);
+}
+
 std::string Graph::describe(VariableKey id) const {
   const VariableOps* ops = find_ops(id.type);
   std::string text = ops == nullptr ? "variable of an unknown type" : std::string(ops->name);
@@ -161,7 +168,8 @@ void collect_added(const VariablePool& pool, std::uint64_t seen, GraphEdit& out)
   for (std::uint32_t d = first; d < pool.extent(); ++d) {
     if (!pool.slots().is_live(d)) continue;
     out.variables(&pool.ops())
-        .add({pool.slots().key(d), pool.slots().serial(d), out.next_order(), pool.fixed(d), pool.has_first_estimate(d)},
+        .add({pool.slots().key(d), pool.slots().serial(d), out.next_order(), pool.fixed(d), pool.has_first_estimate(d),
+              pool.freedom(d)},
              pool.value(d), pool.first_estimate(d));
   }
 }
@@ -242,6 +250,7 @@ void Graph::collect(Subscription s, GraphEdit& out) {
       c.set_values.push_back(pool->first_estimate(d));
     }
     if (pool->versions(d).fixed == change.version) c.fixed.emplace_back(change.id.key, pool->fixed(d));
+    if (pool->versions(d).freedom == change.version) c.freedoms.emplace_back(change.id.key, pool->freedom(d));
   }
   collect_losses(seen, out);
   log_.mark_seen(s, version_);

@@ -50,6 +50,7 @@ void Variables::clear() {
   set.clear();
   set_values.clear();
   fixed.clear();
+  freedoms.clear();
 }
 
 void Factors::clear() {
@@ -107,7 +108,7 @@ SlotKey GraphEdit::add_variable(const VariableOps* ops, const void* value, Label
   check_lender();
   edit::Variables& column = variables(ops);
   const SlotKey key = proposes_ ? placeholder_key(static_cast<std::uint32_t>(column.added.size())) : graph_->lend(ops);
-  column.add({key, 0, next_order(), false, false}, value, value);
+  column.add({key, 0, next_order(), false, false, {}}, value, value);
   if (!label.text.empty()) labels_.emplace_back(VariableKey{ops->key, key}, std::move(label.text));
   return key;
 }
@@ -198,6 +199,13 @@ void GraphEdit::fix(VariableKey id, bool fixed) {
     put_off({fixed ? edit::Unmet::What::fix : edit::Unmet::What::release, id.type, id.key});
 }
 
+void GraphEdit::set(VariableKey id, const Freedom& freedom) {
+  if (edit::Variables* c = known_column(id, "set"))
+    c->freedoms.emplace_back(id.key, freedom);
+  else
+    put_off({edit::Unmet::What::set_freedom, id.type, id.key, Loss::none(), freedom});
+}
+
 void GraphEdit::remove(VariableKey id) {
   if (edit::Variables* c = known_column(id, "remove"))
     c->remove(id.key);
@@ -246,6 +254,9 @@ void GraphEdit::meet(const Graph& graph) {
         break;
       case edit::Unmet::What::set_loss:
         set(FactorId{u.type, u.key}, u.loss);
+        break;
+      case edit::Unmet::What::set_freedom:
+        set(variable, u.freedom);
     }
   }
   seen_ = nullptr;  // a proposal is its writer's again, who may be beside the graph

@@ -10,6 +10,7 @@
 
 #include "oriel/base/byte_column.h"
 #include "oriel/base/owned.h"
+#include "oriel/graph/freedom.h"
 #include "oriel/graph/ids.h"
 #include "oriel/graph/type_ops.h"
 
@@ -39,6 +40,7 @@ struct AddedVariable {
   std::uint64_t serial = 0;  // 0: apply gives it one
   std::uint64_t order = 0;   // among all that this edit adds
   bool fixed = false, has_first_estimate = false;
+  Freedom freedom{};
 };
 enum class SetKind : std::uint8_t { value, first_estimate };
 
@@ -51,11 +53,12 @@ struct Variables {
   std::vector<std::pair<SlotKey, SetKind>> set;
   ByteColumn set_values;  // parallel to set
   std::vector<std::pair<SlotKey, bool>> fixed;
+  std::vector<std::pair<SlotKey, Freedom>> freedoms;  // set; of one that is named twice the last
   SlotMarks added_at, removed_at;
 
   explicit Variables(const VariableOps* o);
   void clear();
-  bool empty() const { return added.empty() && removed.empty() && set.empty() && fixed.empty(); }
+  bool empty() const { return added.empty() && removed.empty() && set.empty() && fixed.empty() && freedoms.empty(); }
   void add(const AddedVariable& a, const void* value, const void* first_estimate);
   void remove(SlotKey key);
   // Position in `added`, or SlotMarks::kNone.
@@ -111,11 +114,12 @@ struct Priors {
 
 // What is to be done to a thing of a type that the edit has no column for yet, and knows no graph to ask.
 struct Unmet {
-  enum class What : std::uint8_t { fix, release, remove_variable, remove_factor, set_loss };
+  enum class What : std::uint8_t { fix, release, remove_variable, remove_factor, set_loss, set_freedom };
   What what;
   std::uint64_t type = 0;  // of the variable, or the table
   SlotKey key;
   Loss loss = Loss::none();
+  Freedom freedom{};
 };
 
 }  // namespace edit
@@ -170,8 +174,13 @@ class GraphEdit {
   void set(FactorId id, const Loss& loss);
   // A fixed variable takes part in factors and is not moved by solvers.
   void fix(VariableKey id, bool fixed = true);
+  // Which of its directions solvers may take, in the place of what was set before; Freedom::full() takes it back. Its
+  // factors, priors, value and first estimate stay as they are; fixed, it is not moved at all. Refused: components that
+  // the type has not, world axes of a type without (manifold.h), and all components at once, which is to be fixed.
+  void set(VariableKey id, const Freedom& freedom);
   // Removes the variable and every factor on it; a LinearPrior loses that variable alone (marginalized out). An id
-  // that the graph does not know makes the edit one that is refused, here and in `fix`.
+  // that the graph does not know makes the edit one that is refused, here, in `fix` and in
+  // `set`.
   void remove(VariableKey id);
   void remove(FactorId id);
 

@@ -22,5 +22,8 @@ template void detail::minus_one<Velocity3d>(const void*, const void*, double*);
 template void detail::minus_one<ImuBiasd>(const void*, const void*, double*);
 template void detail::minus_one<InverseDepthd>(const void*, const void*, double*);
 template void detail::minus_one<BalCamerad>(const void*, const void*, double*);
+template void detail::world_axes_of<Pose2d>(const void*, double*);
+template void detail::world_axes_of<Rot3d>(const void*, double*);
+template void detail::world_axes_of<Pose3d>(const void*, double*);
 
 }  // namespace oriel

@@ -28,6 +28,8 @@ struct VariableOps {
   void (*plus)(std::size_t n, const void* from, const double* step, const std::int32_t* offset, void* to) = nullptr;
   void (*minus)(const void* y, const void* x, double* d) = nullptr;  // y ⊟ x
   bool (*finite)(const void* x) = nullptr;
+  // B with d_world = B d at x, dim × dim column-major; null: a type without world axes.
+  void (*world_axes)(const void* x, double* B) = nullptr;
 };
 
 struct FactorOps {
@@ -80,6 +82,18 @@ void minus_one(const void* y, const void* x, double* d) {
   }
 }
 template <Variable V>
+void world_axes_of(const void* x, double* B) {
+  const auto axes = static_cast<const V*>(x)->world_axes();
+  std::memcpy(B, axes.m, sizeof(axes.m));
+}
+template <Variable V>
+constexpr auto world_axes() -> void (*)(const void*, double*) {
+  if constexpr (HasWorldAxes<V>)
+    return &world_axes_of<V>;
+  else
+    return nullptr;
+}
+template <Variable V>
 constexpr std::span<const std::string_view> tangent_names() {
   if constexpr (requires { V::kTangentNames.size(); })
     return V::kTangentNames;
@@ -114,6 +128,9 @@ extern template void detail::minus_one<Velocity3d>(const void*, const void*, dou
 extern template void detail::minus_one<ImuBiasd>(const void*, const void*, double*);
 extern template void detail::minus_one<InverseDepthd>(const void*, const void*, double*);
 extern template void detail::minus_one<BalCamerad>(const void*, const void*, double*);
+extern template void detail::world_axes_of<Pose2d>(const void*, double*);
+extern template void detail::world_axes_of<Rot3d>(const void*, double*);
+extern template void detail::world_axes_of<Pose3d>(const void*, double*);
 
 template <Variable V>
 inline constexpr VariableOps kVariableOps = {V::kName,
@@ -124,7 +141,8 @@ inline constexpr VariableOps kVariableOps = {V::kName,
                                              detail::tangent_names<V>(),
                                              &detail::plus_all<V>,
                                              &detail::minus_one<V>,
-                                             &detail::value_finite<V>};
+                                             &detail::value_finite<V>,
+                                             detail::world_axes<V>()};
 
 namespace detail {
 template <class... V>

@@ -33,6 +33,11 @@ void put_type(ByteWriter& w, const VariableOps& ops) {
   w.put(static_cast<std::uint32_t>(ops.dim));
 }
 
+void put(ByteWriter& w, const Freedom& freedom) {
+  w.put(freedom.held);
+  w.put(freedom.axes);
+}
+
 void put(ByteWriter& w, const edit::Variables& c) {
   put_type(w, *c.ops);
   w.put_count(c.added);
@@ -41,9 +46,11 @@ void put(ByteWriter& w, const edit::Variables& c) {
     put_key(w, a.key);
     w.put(a.serial);
     w.put(a.order);
-    w.put((a.fixed ? wire::kFixed : 0u) | (a.has_first_estimate ? wire::kHasFirstEstimate : 0u));
+    w.put((a.fixed ? wire::kFixed : 0u) | (a.has_first_estimate ? wire::kHasFirstEstimate : 0u) |
+          (a.freedom.is_full() ? 0u : wire::kRestricted));
     w.put_bytes(c.values.at(i), c.ops->bytes);
     if (a.has_first_estimate) w.put_bytes(c.first_estimates.at(i), c.ops->bytes);
+    if (!a.freedom.is_full()) put(w, a.freedom);
   }
   put_keys(w, c.removed);
   w.put_count(c.set);
@@ -56,6 +63,11 @@ void put(ByteWriter& w, const edit::Variables& c) {
   for (const auto& [key, fixed] : c.fixed) {
     put_key(w, key);
     w.put(static_cast<std::uint8_t>(fixed));
+  }
+  w.put_count(c.freedoms);
+  for (const auto& [key, freedom] : c.freedoms) {
+    put_key(w, key);
+    put(w, freedom);
   }
 }
 
@@ -152,15 +164,16 @@ void detail::finish_message(Bytes& out, std::size_t begin, MessageKind kind) {
 Result<MessageHeader> read_header(std::span<const std::byte> bytes) {
   ByteReader r(bytes);
   const auto magic = r.get<std::uint32_t>();
-  const auto version = r.get<std::uint16_t>();
   MessageHeader h;
+  h.version = r.get<std::uint16_t>();
   h.kind = r.get<MessageKind>();
   h.size = r.get<std::uint64_t>();
   h.checksum = r.get<std::uint64_t>();
   if (!r.ok()) return damaged("it is shorter than a header");
   if (magic != Message::kMagic) return damaged("it does not begin as one");
-  if (version != Message::kVersion)
-    return Error{ErrorCode::bad_input, "message: it has version " + std::to_string(version) + ", " +
+  if (h.version < Message::kOldestVersion || h.version > Message::kVersion)
+    return Error{ErrorCode::bad_input, "message: it has version " + std::to_string(h.version) + ", " +
+                                           std::to_string(Message::kOldestVersion) + " to " +
                                            std::to_string(Message::kVersion) + " expected"};
   return h;
 }
@@ -169,7 +182,7 @@ Result<Message> read_payload(const MessageHeader& header, std::span<const std::b
   if (payload.size() != header.size)
     return damaged("it has " + std::to_string(payload.size()) + " bytes, " + std::to_string(header.size) + " expected");
   if (checksum(header.kind, payload) != header.checksum) return damaged("its checksum does not match");
-  return Message{header.kind, payload};
+  return Message{header.kind, payload, header.version};
 }
 
 Result<Message> read_message(std::span<const std::byte> bytes) {

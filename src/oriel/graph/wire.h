@@ -17,17 +17,20 @@ inline constexpr MessageKind kEditMessage = 1, kSolutionMessage = 2;
 // An edit that is the whole of a graph, and replaces what the reader has.
 inline constexpr MessageKind kWholeMessage = 9;
 
-// One message: 24 bytes of header (magic, version, kind, size, checksum), then the payload.
+// One message; of version 2, which knew no freedoms (freedom.h), as well as of this one: 24 bytes of header (magic,
+// version, kind, size, checksum), then the payload.
 struct Message {
-  static constexpr std::uint32_t kMagic = 0x314c524f;  // "ORL1"
-  static constexpr std::uint16_t kVersion = 2;
+  static constexpr std::uint32_t kMagic = 0x314c524f;               // "ORL1"
+  static constexpr std::uint16_t kVersion = 3, kOldestVersion = 2;  // that are read
   static constexpr std::size_t kHeaderBytes = 24;
 
   MessageKind kind = 0;
   std::span<const std::byte> payload;
+  std::uint16_t version = kVersion;
 };
 struct MessageHeader {
   MessageKind kind = 0;
+  std::uint16_t version = Message::kVersion;
   std::uint64_t size = 0, checksum = 0;  // of the payload
 };
 

@@ -16,8 +16,8 @@ constexpr std::uint64_t kLargestSerial = std::uint64_t{1} << 62;
 
 class EditReader {
  public:
-  EditReader(ByteReader& in, const TypeList& types, const Graph& target, GraphEdit& out)
-      : r_(in), types_(types), target_(target), out_(out), leap_(kLargestLeap + in.left()) {}
+  EditReader(ByteReader& in, std::uint16_t version, const TypeList& types, const Graph& target, GraphEdit& out)
+      : r_(in), version_(version), types_(types), target_(target), out_(out), leap_(kLargestLeap + in.left()) {}
 
   Result<void> read() {
     out_.require_version(r_.get<std::uint64_t>());
@@ -61,11 +61,19 @@ class EditReader {
       a.has_first_estimate = flags & kHasFirstEstimate;
       const std::byte* value = r_.get_bytes(bytes);
       const std::byte* estimate = a.has_first_estimate ? r_.get_bytes(bytes) : value;
+      if ((flags & kRestricted) != 0 && !get(a.freedom)) return false;
       const bool placed = is_placeholder(a.key) || a.key.index < end + leap_;
       if (!r_.ok() || !placed) return false;
       c.add(a, value, estimate);
     }
     return r_.ok();
+  }
+
+  bool get(Freedom& freedom) {
+    freedom.held = r_.get<std::uint32_t>();
+    const auto axes = r_.get<std::uint8_t>();
+    freedom.axes = static_cast<Freedom::Axes>(axes);
+    return axes <= static_cast<std::uint8_t>(Freedom::Axes::world);
   }
 
   Result<void> settings(edit::Variables& c) {
@@ -80,6 +88,10 @@ class EditReader {
     for (std::uint32_t n = r_.get_count(9); n > 0; --n) {
       const SlotKey k = get_key(r_);
       c.fixed.emplace_back(k, r_.get<std::uint8_t>() != 0);
+    }
+    for (std::uint32_t n = version_ < 3 ? 0 : r_.get_count(13); n > 0; --n) {
+      const SlotKey k = get_key(r_);
+      if (!get(c.freedoms.emplace_back(k, Freedom{}).second)) return damaged("axes that there are not");
     }
     return r_.ok() ? Result<void>() : damaged("it ends within a variable type");
   }
@@ -198,6 +210,7 @@ class EditReader {
   }
 
   ByteReader& r_;
+  std::uint16_t version_;
   const TypeList& types_;
   const Graph& target_;
   GraphEdit& out_;
@@ -212,7 +225,7 @@ Result<void> read_edit(const Message& message, const TypeList& types, const Grap
   if (message.kind != kEditMessage && message.kind != kWholeMessage) return damaged("it is no edit");
   if (message.kind == kWholeMessage) edit.mark_whole();
   ByteReader r(message.payload);
-  auto ok = EditReader(r, types, target, edit).read();
+  auto ok = EditReader(r, message.version, types, target, edit).read();
   if (!ok) edit.clear();
   return ok;
 }

@@ -9,7 +9,7 @@
 
 namespace oriel::wire {
 
-enum VariableFlags : std::uint32_t { kFixed = 1, kHasFirstEstimate = 2 };
+enum VariableFlags : std::uint32_t { kFixed = 1, kHasFirstEstimate = 2, kRestricted = 4 };
 
 inline Error damaged(const std::string& what) { return {ErrorCode::size_mismatch, "message: " + what}; }
 

@@ -10,6 +10,7 @@
 //   template <class S> using rebind = T<S>;               // the same over another scalar; all members are scalars then
 //   static constexpr bool kLandmark = true;               // many of them, each in few factors: eliminated first
 //   static constexpr std::array<std::string_view, kDim> kTangentNames;  // with units, for reports
+//   Mat<double, kDim, kDim> world_axes() const;           // B with d_world = B d, orthogonal: for graph/freedom.h
 // A constant (a camera, a rig) is a struct with kName and kDim = 0: it takes part in factors and never moves.
 #pragma once
 #include <array>
@@ -51,6 +52,12 @@ concept Variable = Manifold<T> || Constant<T>;
 template <class T>
 concept Landmark = Manifold<T> && requires {
   requires T::kLandmark;
+};
+
+// Directions of its tangent may be named in the axes of the world.
+template <class T>
+concept HasWorldAxes = Manifold<T> && requires(const T x) {
+  { x.world_axes() } -> std::same_as<Mat<double, T::kDim, T::kDim>>;
 };
 
 // All members are of one scalar type, and the type exists over others.

@@ -78,6 +78,11 @@ struct Pose2 {
     return {x.R.normalized(), x.t};
   }
   Vec<S, 3> minus(const Pose2& x) const { return (x.inverse() * *this).log(); }
+  // The translation turned into the axes of the world.
+  Mat<S, 3, 3> world_axes() const {
+    const S o(0.0);
+    return {{S(1.0), o, o, o, R.c, R.s, o, -R.s, R.c}};
+  }
 };
 using Pose2d = Pose2<double>;
 

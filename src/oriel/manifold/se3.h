@@ -47,6 +47,14 @@ struct Pose3 {
     return {x.R.normalized(), x.t};
   }
   Vec<S, 6> minus(const Pose3& x) const { return (x.inverse() * *this).log(); }
+  // Turned into the axes of the world, about the body's own origin: the adjoint without its lever.
+  Mat<S, 6, 6> world_axes() const {
+    const Mat<S, 3, 3> M = R.matrix();
+    Mat<S, 6, 6> B = Mat<S, 6, 6>::zero();
+    B.set_block(0, 0, M);
+    B.set_block(3, 3, M);
+    return B;
+  }
 };
 using Pose3d = Pose3<double>;
 

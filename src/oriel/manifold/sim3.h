@@ -126,6 +126,15 @@ struct Sim3 {
     return {x.R.normalized(), x.t, select(low > S(kLargestScale), S(kLargestScale), low)};
   }
   Vec<S, 7> minus(const Sim3& x) const { return (x.inverse() * *this).log(); }
+  // As a pose's; a scale has no axes.
+  Mat<S, 7, 7> world_axes() const {
+    const Mat<S, 3, 3> M = R.matrix();
+    Mat<S, 7, 7> B = Mat<S, 7, 7>::zero();
+    B.set_block(0, 0, M);
+    B.set_block(3, 3, M);
+    B(6, 6) = S(1.0);
+    return B;
+  }
 };
 using Sim3d = Sim3<double>;
 

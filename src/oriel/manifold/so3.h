@@ -149,6 +149,8 @@ struct Rot3 {
 
   Rot3 plus(const Vec<S, 3>& phi) const { return (*this * exp(phi)).normalized(); }
   Vec<S, 3> minus(const Rot3& x) const { return (x.inverse() * *this).log(); }
+  // R Exp(φ) = Exp(R φ) R, [ML] eq. 139.
+  Mat<S, 3, 3> world_axes() const { return matrix(); }
 };
 using Rot3d = Rot3<double>;
 

@@ -16,6 +16,7 @@ struct Point3 {
   Vec<S, 3> p = Vec<S, 3>::zero();
   Point3 plus(const Vec<S, 3>& d) const { return {p + d}; }
   Vec<S, 3> minus(const Point3& x) const { return p - x.p; }
+  Mat<S, 3, 3> world_axes() const { return Mat<S, 3, 3>::identity(); }
 };
 using Point3d = Point3<double>;
 
@@ -31,6 +32,7 @@ struct Point2 {
   Vec<S, 2> p = Vec<S, 2>::zero();
   Point2 plus(const Vec<S, 2>& d) const { return {p + d}; }
   Vec<S, 2> minus(const Point2& x) const { return p - x.p; }
+  Mat<S, 2, 2> world_axes() const { return Mat<S, 2, 2>::identity(); }
 };
 using Point2d = Point2<double>;
 
@@ -46,6 +48,7 @@ struct Velocity3 {
   Vec<S, 3> v = Vec<S, 3>::zero();
   Velocity3 plus(const Vec<S, 3>& d) const { return {v + d}; }
   Vec<S, 3> minus(const Velocity3& x) const { return v - x.v; }
+  Mat<S, 3, 3> world_axes() const { return Mat<S, 3, 3>::identity(); }
 };
 using Velocity3d = Velocity3<double>;
 
