@@ -25,7 +25,7 @@ class BesideEngineWith final : public Engine {
     EngineCapabilities can;
     can.levenberg_marquardt = can.gauss_newton = can.dogleg = true;
     can.conjugate_gradient = can.orderings = can.threads = true;
-    can.losses = can.linear_priors = can.first_estimates = can.deterministic = true;
+    can.losses = can.linear_priors = can.first_estimates = can.freedoms = can.deterministic = true;
     return can;  // no callback and no deadline: they are of this process
   }
   // Everything travels with the next solve.

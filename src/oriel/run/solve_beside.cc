@@ -20,17 +20,23 @@ Summary summary_of(const SolveOutcome& outcome, const SolveOptions& options) {
 namespace run_detail {
 namespace {
 
-// A variable that was fixed while a solve was under way keeps its value here and was moved there: its value goes along.
-void send_values_of_fixed(const Graph& graph, GraphEdit& edit) {
+void send_value(const Graph& graph, SlotKey key, edit::Variables& column) {
+  const void* value = graph.find_value({column.ops->key, key});
+  bool is_set = value == nullptr;
+  for (const auto& [id, kind] : column.set) is_set = is_set || (id == key && kind == edit::SetKind::value);
+  if (is_set) return;
+  column.set.emplace_back(key, edit::SetKind::value);
+  column.set_values.push_back(value);
+}
+
+// A variable that was fixed or restricted while a solve was under way keeps its value here and was moved there: its
+// value goes along.
+void send_values_of_held(const Graph& graph, GraphEdit& edit) {
   for (auto& column : edit.variable_columns()) {
-    for (const auto& [key, fixed] : column->fixed) {
-      const void* value = graph.find_value({column->ops->key, key});
-      bool is_set = !fixed || value == nullptr;
-      for (const auto& [id, kind] : column->set) is_set = is_set || (id == key && kind == edit::SetKind::value);
-      if (is_set) continue;
-      column->set.emplace_back(key, edit::SetKind::value);
-      column->set_values.push_back(value);
-    }
+    for (const auto& [key, fixed] : column->fixed)
+      if (fixed) send_value(graph, key, *column);
+    for (const auto& [key, freedom] : column->freedoms)
+      if (!freedom.is_full()) send_value(graph, key, *column);
   }
 }
 
@@ -108,7 +114,7 @@ SolveInput SolveOwner::collect(const SolveOptions& options) {
   if (std::exchange(whole_, false))
     edit_.mark_whole(), in.order = state_.order;
   else
-    send_values_of_fixed(*graph_, edit_);
+    send_values_of_held(*graph_, edit_);
   in.sequence = ++sequence_;
   in.version = graph_->version();
   append_edit(in.edit, edit_);

@@ -37,6 +37,9 @@ const char* lacks(const EngineCapabilities& can, const SolveOptions& options, co
   if (!can.losses)
     for (const auto& table : graph.tables())
       if (has_robust_loss(*table)) return "robust losses, and the graph holds one";
+  if (!can.freedoms)
+    for (const auto& pool : graph.pools())
+      if (pool->restricted_count() > 0) return "held directions, and the graph holds some";
   if (!can.first_estimates && options.first_estimates)
     for (const auto& pool : graph.pools())
       if (pool->first_estimate_count() > 0) return "first estimates, and the graph holds some";

@@ -27,6 +27,7 @@ struct EngineCapabilities {
   bool losses = false;           // robust ones
   bool linear_priors = false;    // what marginalization leaves
   bool first_estimates = false;  // Jacobians there (decision 9)
+  bool freedoms = false;         // directions that are held (graph/freedom.h)
   // ---- of the engine itself ----
   bool covariance = false;
   bool deterministic = false;  // the same bits for any number of threads, and however the graph became what it is
@@ -53,8 +54,8 @@ class Engine {
   virtual Result<EngineContents> contents() noexcept = 0;
 
   // Covariance of a variable in its tangent space at the graph's values (after a solve: at the solution), given all
-  // that the graph knows. Of a fixed variable zero. An Error where something is undetermined, and after a solve that
-  // failed: never a stale or made-up matrix.
+  // that the graph knows. Of a fixed variable zero, and so in the held directions of any (P Σ P, graph/freedom.h). An
+  // Error where something is undetermined, and after a solve that failed: never a stale or made-up matrix.
   template <Manifold V>
   Result<Mat<double, V::kDim, V::kDim>> covariance(VariableId<V> id) noexcept {
     Mat<double, V::kDim, V::kDim> out;

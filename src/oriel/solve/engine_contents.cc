@@ -49,9 +49,9 @@ void add_parameter(const Graph& graph, const VariableKey& id, EngineContents& ou
   const VariableOps* ops = graph.find_ops(id.type);
   const auto* value = static_cast<const std::byte*>(graph.find_value(id));
   if (value == nullptr)
-    out.parameters.push_back({id, 0, {}});
+    out.parameters.push_back({id, 0, {}, {}});
   else if (ops->dim > 0 && !graph.fixed(id))
-    out.parameters.push_back({id, ops->dim, {value, value + ops->bytes}});
+    out.parameters.push_back({id, ops->dim, {value, value + ops->bytes}, graph.freedom(id)});
 }
 
 void add_residual(const Graph& graph, const FactorId& id, EngineContents& out) {
@@ -100,6 +100,7 @@ Result<void> compare_contents(const Graph& graph, EngineContents expected, Engin
     if (e.dim != h.dim)
       return difference("has " + std::to_string(h.dim) + " dimensions for " + describe(graph, e.id) + ", " +
                         std::to_string(e.dim) + " expected");
+    if (!(e.freedom == h.freedom)) return difference("holds other directions of " + describe(graph, e.id));
     if (e.value != h.value) return difference("holds another value of " + describe(graph, e.id));
   }
   if (auto ok = compare_ids(graph, expected.residuals, held.residuals); !ok) return ok;

@@ -13,8 +13,9 @@ struct EngineContents {
   // A variable that the engine may move: neither fixed nor a constant.
   struct Parameter {
     VariableKey id;
-    int dim = 0;                   // of its tangent space, as the engine laid it out
+    int dim = 0;                   // of its tangent space, held directions among them, as the engine laid it out
     std::vector<std::byte> value;  // where the next solve begins
+    Freedom freedom{};             // as the engine keeps it
   };
   // A factor or a linear prior.
   struct Residual {

@@ -130,6 +130,7 @@ void Minimizer::linearize() {
   if (out_of_time()) return;
   Stage stage(*this, summary_.seconds.linearize);
   e_.linearizer_.linearize(*e_.graph_, e_.structure_, e_.point_, &e_.active_, e_.system_, pool_);
+  e_.restriction_.apply(*e_.graph_, e_.structure_, e_.point_, e_.system_);
   ++summary_.linearizations;
   begun_ = false;
   // Rows without a finite Jacobian have left the active set at this point, whose cost is another one then.
@@ -230,6 +231,7 @@ bool Minimizer::solve_directly() {
 
 void Minimizer::step_to_trial() {
   Stage stage(*this, summary_.seconds.retract);
+  e_.restriction_.to_tangent(e_.step_.data());
   const auto& pools = e_.graph_->pools();
   for (std::size_t p = 0; p < pools.size(); ++p) {
     const VariableOps& ops = pools[p]->ops();

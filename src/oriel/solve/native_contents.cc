@@ -14,9 +14,12 @@ class Reader {
     return {pool.ops().key, pool.slots().key(block.dense)};
   }
   template <class Block>
-  EngineContents::Parameter parameter(const Block& block, const Point& point) const {
+  EngineContents::Parameter parameter(const Block& block, const Point& point, const Restriction& restriction) const {
     const auto* value = static_cast<const std::byte*>(point.value(block.pool, block.dense));
-    return {id(block), block.dim, {value, value + graph_.pools()[block.pool]->ops().bytes}};
+    return {id(block),
+            block.dim,
+            {value, value + graph_.pools()[block.pool]->ops().bytes},
+            restriction.freedom(block.offset)};
   }
   void append(const Target& target, EngineContents::Residual& residual) const {
     const auto index = static_cast<std::size_t>(target.index);
@@ -53,8 +56,9 @@ Result<EngineContents> NativeEngine::contents() noexcept {
   if (auto ok = linearize(false); !ok) return ok.error();
   EngineContents out;
   const Reader read(*graph_, structure_);
-  for (const KeptBlock& b : structure_.kept()) out.parameters.push_back(read.parameter(b, point_));
-  for (const LandmarkBlock& b : structure_.landmarks()) out.parameters.push_back(read.parameter(b, point_));
+  for (const KeptBlock& b : structure_.kept()) out.parameters.push_back(read.parameter(b, point_, restriction_));
+  for (const LandmarkBlock& b : structure_.landmarks())
+    out.parameters.push_back(read.parameter(b, point_, restriction_));
   for (std::size_t t = 0; t < structure_.plan_count(); ++t) read.residuals(structure_.plans()[t], out);
   for (std::size_t i = 0; i < structure_.prior_count(); ++i) read.residual(structure_.priors()[i], out);
   out.cost = active_.total;

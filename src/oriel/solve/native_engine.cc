@@ -15,7 +15,7 @@ EngineCapabilities NativeEngine::capabilities() const noexcept {
   EngineCapabilities can;
   can.levenberg_marquardt = can.gauss_newton = can.dogleg = true;
   can.conjugate_gradient = can.orderings = can.deadline = can.callback = can.threads = true;
-  can.losses = can.linear_priors = can.first_estimates = can.covariance = can.deterministic = true;
+  can.losses = can.linear_priors = can.first_estimates = can.freedoms = can.covariance = can.deterministic = true;
   return can;  // not incremental: it is for large graphs without landmarks alone
 }
 
@@ -41,6 +41,7 @@ Result<void> NativeEngine::linearize(bool first_estimates) {
   linearizer_.first_estimates = first_estimates;
   linearizer_.evaluate(*graph_, structure_, point_, nullptr, active_, nullptr);
   linearizer_.linearize(*graph_, structure_, point_, &active_, system_, nullptr);
+  restriction_.apply(*graph_, structure_, point_, system_);
   return {};
 }
 
@@ -80,6 +81,7 @@ Result<void> NativeEngine::sync(const SolveOptions& options) {
     structure_ordering_ = options.ordering;
     structure_solver_ = options.linear_solver;
   }
+  restriction_.prepare(*graph_, structure_);
   trial_.take(*graph_);  // what does not move stands in both points
   return {};
 }

@@ -6,6 +6,7 @@
 #include "oriel/base/owned.h"
 #include "oriel/linear/landmark_schur.h"
 #include "oriel/linear/linearize.h"
+#include "oriel/linear/restriction.h"
 #include "oriel/linear/schur_conjugate_gradient.h"
 #include "oriel/solve/dogleg.h"
 #include "oriel/solve/engine.h"
@@ -44,13 +45,14 @@ class NativeEngine final : public Engine {
   // Forgets everything but the state; the next solve makes it anew, with the same bits.
   void drop_caches();
 
-  // The linear problem at the graph's values, for marginalization, covariance and tests. A Result only because a
-  // structure may be refused.
+  // The linear problem at the graph's values, for covariances and tests; held directions as in restriction.h. A Result
+  // only because a structure may be refused.
   Result<void> linearize(bool first_estimates);
   const LinearStructure& structure() const { return structure_; }
   const LinearSystem& system() const { return system_; }
   const ActiveSet& active() const { return active_; }
   const Point& point() const { return point_; }
+  const Restriction& restriction() const { return restriction_; }
   // What the last solve that found anything gave the graph; for journals.
   const Solution& solution() const { return solution_; }
 
@@ -72,6 +74,7 @@ class NativeEngine final : public Engine {
   OrderingMethod structure_ordering_ = OrderingMethod::automatic;
   LinearSolver structure_solver_ = LinearSolver::automatic;
   Linearizer linearizer_;
+  Restriction restriction_;
   LinearSystem system_;
   LandmarkSchur schur_;
   HessianProduct product_;

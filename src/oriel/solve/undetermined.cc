@@ -253,6 +253,7 @@ void Minimizer::name_undetermined(const double* h, const std::vector<int>& null)
   for (std::size_t k = 0; k < e_.schur_.undetermined().size() && k < kMostDirections; ++k) {
     std::fill(n.begin(), n.end(), 0.0);
     n[e_.schur_.undetermined()[k]] = 1.0;
+    e_.restriction_.to_tangent(n.data());
     summary_.undetermined.push_back(namer.name(n));
   }
   for (std::size_t k = 0; k < null.size() && k < kMostDirections; ++k) {
@@ -265,6 +266,7 @@ void Minimizer::name_undetermined(const double* h, const std::vector<int>& null)
     for (const LandmarkBlock& l : s.landmarks()) std::fill_n(n.begin() + l.offset, l.dim, 0.0);
     const std::vector<double> free(s.dim(), 0.0);
     if (!s.landmarks().empty()) e_.schur_.back_substitute(s, e_.system_, free.data(), n.data(), pool_);
+    e_.restriction_.to_tangent(n.data());
     (namer.is_common(n) ? summary_.gauge : summary_.undetermined).push_back(namer.name(n));
   }
 }

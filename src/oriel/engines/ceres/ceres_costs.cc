@@ -198,4 +198,62 @@ bool PoolManifold::MinusJacobian(const double*, double* jacobian) const {
   return true;
 }
 
+FreeManifold::FreeManifold(const VariableOps& ops, const Freedom& freedom) : PoolManifold(ops), freedom_(freedom) {
+  for (int k = 0; k < ops.dim; ++k)
+    if (!freedom.holds(k)) components_.push_back(k);
+}
+
+std::vector<double> FreeManifold::directions(const double* x) const {
+  const auto n = static_cast<std::size_t>(ops_->dim);
+  std::vector<double> B(n * n), F;
+  for (std::size_t k = 0; k < n; ++k) B[k * n + k] = 1.0;
+  if (freedom_.axes == Freedom::Axes::world) {
+    AlignedValue at(estimate_doubles(*ops_));
+    std::memcpy(at.at, x, ops_->bytes);
+    ops_->world_axes(at.at, B.data());
+  }
+  for (const int k : components_)
+    for (std::size_t c = 0; c < n; ++c) F.push_back(B[c * n + static_cast<std::size_t>(k)]);
+  return F;
+}
+
+bool FreeManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  const std::vector<double> F = directions(x);
+  const auto n = static_cast<std::size_t>(ops_->dim);
+  std::vector<double> d(n);
+  for (std::size_t i = 0; i < components_.size(); ++i)
+    for (std::size_t k = 0; k < n; ++k) d[k] += F[i * n + k] * delta[i];
+  return PoolManifold::Plus(x, d.data(), x_plus_delta);
+}
+
+bool FreeManifold::PlusJacobian(const double* x, double* jacobian) const {
+  const std::vector<double> F = directions(x);
+  const auto n = static_cast<std::size_t>(ops_->dim), free = components_.size();
+  std::fill_n(jacobian, static_cast<std::size_t>(AmbientSize()) * free, 0.0);
+  for (std::size_t k = 0; k < n; ++k)
+    for (std::size_t i = 0; i < free; ++i) jacobian[k * free + i] = F[i * n + k];
+  return true;
+}
+
+bool FreeManifold::Minus(const double* y, const double* x, double* y_minus_x) const {
+  const std::vector<double> F = directions(x);
+  const auto n = static_cast<std::size_t>(ops_->dim);
+  std::vector<double> d(n);
+  PoolManifold::Minus(y, x, d.data());
+  for (std::size_t i = 0; i < components_.size(); ++i) {
+    y_minus_x[i] = 0.0;
+    for (std::size_t k = 0; k < n; ++k) y_minus_x[i] += F[i * n + k] * d[k];
+  }
+  return true;
+}
+
+bool FreeManifold::MinusJacobian(const double* x, double* jacobian) const {
+  const std::vector<double> F = directions(x);
+  const auto n = static_cast<std::size_t>(ops_->dim), ambient = static_cast<std::size_t>(AmbientSize());
+  std::fill_n(jacobian, ambient * components_.size(), 0.0);
+  for (std::size_t i = 0; i < components_.size(); ++i)
+    for (std::size_t k = 0; k < n; ++k) jacobian[i * ambient + k] = F[i * n + k];
+  return true;
+}
+
 }  // namespace oriel::ceres_detail

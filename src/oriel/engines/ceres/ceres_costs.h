@@ -4,6 +4,7 @@
 #pragma once
 #include <ceres/ceres.h>
 
+#include <memory>
 #include <vector>
 
 #include "oriel/graph/graph.h"
@@ -20,6 +21,8 @@ struct HeldVariable {
   SlotKey key;
   std::uint64_t serial = 0;
   bool fixed = false, has_first_estimate = false;
+  Freedom freedom{};
+  std::unique_ptr<ceres::Manifold> manifold;  // where directions are held
   std::vector<double> value, first_estimate;  // block_size each
 };
 
@@ -77,7 +80,7 @@ class PriorCost final : public ceres::CostFunction {
   std::vector<const double*> estimates_;
 };
 
-class PoolManifold final : public ceres::Manifold {
+class PoolManifold : public ceres::Manifold {
  public:
   explicit PoolManifold(const VariableOps& ops) : ops_(&ops) {}
   int AmbientSize() const override { return block_size(*ops_); }
@@ -87,8 +90,28 @@ class PoolManifold final : public ceres::Manifold {
   bool Minus(const double* y, const double* x, double* y_minus_x) const override;
   bool MinusJacobian(const double* x, double* jacobian) const override;
 
- private:
+ protected:
   const VariableOps* ops_;
+};
+
+// The free directions of a variable (graph/freedom.h): with F the free rows of B at x,
+//   x ⊞ δ = x ⊞ (Fᵀ δ),  y ⊟ x = F (y ⊟ x),  F Fᵀ = I.
+class FreeManifold final : public PoolManifold {
+ public:
+  FreeManifold(const VariableOps& ops, const Freedom& freedom);
+  int TangentSize() const override { return static_cast<int>(components_.size()); }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  bool PlusJacobian(const double* x, double* jacobian) const override;
+  bool Minus(const double* y, const double* x, double* y_minus_x) const override;
+  bool MinusJacobian(const double* x, double* jacobian) const override;
+
+  const Freedom& freedom() const { return freedom_; }
+  // F at x, free × dim, row by row.
+  std::vector<double> directions(const double* x) const;
+
+ private:
+  Freedom freedom_;
+  std::vector<int> components_;  // that are free
 };
 
 // ρ and ρ' of a Loss. ρ'' is given as 0: then Ceres scales rows by √ρ' and corrects nothing, as the native engine does.

@@ -139,7 +139,7 @@ CeresEngine::~CeresEngine() { graph_->unsubscribe(subscription_); }
 EngineCapabilities CeresEngine::capabilities() const noexcept {
   EngineCapabilities can;
   can.levenberg_marquardt = can.gauss_newton = can.dogleg = can.deadline = can.callback = can.threads = true;
-  can.losses = can.linear_priors = can.first_estimates = can.covariance = can.incremental = true;
+  can.losses = can.linear_priors = can.first_estimates = can.freedoms = can.covariance = can.incremental = true;
   return can;
 }
 

@@ -1,6 +1,7 @@
 #include "oriel/engines/ceres/ceres_problem.h"
 
 #include <algorithm>
+#include <bit>
 #include <unordered_map>
 
 namespace oriel::ceres_detail {
@@ -103,7 +104,17 @@ void CeresProblem::add_variable(const edit::Variables& column, std::size_t i) {
   if (a.has_first_estimate) std::memcpy(v.first_estimate.data(), column.first_estimates.at(i), p.ops->bytes);
   if (p.ops->dim == 0) return;
   problem_->AddParameterBlock(v.value.data(), static_cast<int>(size), &p.manifold);
+  set_freedom(p, v, a.freedom);
   if (v.fixed) problem_->SetParameterBlockConstant(v.value.data());
+}
+
+// Its residual blocks stay.
+void CeresProblem::set_freedom(Pool& pool, HeldVariable& v, const Freedom& freedom) {
+  if (v.freedom == freedom) return;
+  v.freedom = freedom;
+  std::unique_ptr<ceres::Manifold> before = std::move(v.manifold);  // until it is replaced
+  if (!freedom.is_full()) v.manifold = std::make_unique<FreeManifold>(*v.ops, freedom);
+  problem_->SetManifold(v.value.data(), v.manifold ? v.manifold.get() : &pool.manifold);
 }
 
 void CeresProblem::add_factors(const GraphEdit& net) {
@@ -178,6 +189,8 @@ void CeresProblem::set_flags(const GraphEdit& net) {
       else
         problem_->SetParameterBlockVariable(v->value.data());
     }
+    for (const auto& [key, freedom] : c->freedoms)
+      if (HeldVariable* v = pool(*c->ops).variables.find(key)) set_freedom(pool(*c->ops), *v, freedom);
   }
   for (const auto& c : net.factor_columns())
     for (const auto& [key, loss] : c->losses)
@@ -258,7 +271,10 @@ EngineContents CeresProblem::contents() const {
       if (!problem_->HasParameterBlock(block) || problem_->IsParameterBlockConstant(block)) return;
       const VariableKey id{p->ops->key, v.key};
       const auto* value = reinterpret_cast<const std::byte*>(block);
-      out.parameters.push_back({id, problem_->ParameterBlockTangentSize(block), {value, value + p->ops->bytes}});
+      const auto* free = dynamic_cast<const FreeManifold*>(problem_->GetManifold(block));
+      const Freedom freedom = free != nullptr ? free->freedom() : Freedom::full();
+      const int dim = problem_->ParameterBlockTangentSize(block) + std::popcount(freedom.held);
+      out.parameters.push_back({id, dim, {value, value + p->ops->bytes}, freedom});
       ids.emplace(block, id);
     });
   std::unordered_map<ceres::ResidualBlockId, FactorId> factors;

@@ -100,6 +100,7 @@ class CeresProblem {
   void add_variables(const GraphEdit& net);
   void add_factors(const GraphEdit& net);
   void set_flags(const GraphEdit& net);
+  void set_freedom(Pool& pool, HeldVariable& v, const Freedom& freedom);
   void add_variable(const edit::Variables& column, std::size_t i);
   void add_factor(const edit::Factors& column, std::size_t i);
   void add_prior(const edit::Priors& priors, std::size_t i);
