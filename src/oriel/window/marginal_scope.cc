@@ -46,6 +46,11 @@ void MarginalScope::collect_factors(const Graph& graph, std::span<const Absorbed
 }
 
 void MarginalScope::arrange(const Graph& graph) {
+  for (MarginalVariable& v : variables_) {
+    const VariablePool& pool = *graph.pools()[v.pool];
+    v.restricted =
+        pool.restricted_count() > 0 && v.role == Role::leaving && !v.fixed && !pool.freedom(v.dense).is_full();
+  }
   rank_types(graph);
   sort_variables();
   choose_landmarks();

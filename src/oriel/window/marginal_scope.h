@@ -58,6 +58,7 @@ struct MarginalVariable {
   Role role = Role::staying;
   bool fixed = false;       // known: no columns, its value is taken as it is
   bool held = false;        // to be fixed from now on
+  bool restricted = false;  // leaves, and some of its directions are known (graph/freedom.h)
   bool landmark = false;    // by type
   bool in_prior = false;    // an absorbed prior has columns of it
   bool eliminated = false;  // a leaving landmark that is eliminated on its own, before the rest

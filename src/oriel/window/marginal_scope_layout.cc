@@ -35,12 +35,13 @@ void MarginalScope::sort_variables() {
   for (std::int32_t& at : arguments_) at = parent_[at];
 }
 
-// A landmark is eliminated on its own if no prior ties it to others; of landmarks that share a factor, the first one.
+// A landmark is eliminated on its own if no prior ties it to others and nothing of it is held; of landmarks that share
+// a factor, the first one.
 void MarginalScope::choose_landmarks() {
   parent_.resize(variables_.size());  // scratch: who could be eliminated
   for (std::size_t i = 0; i < variables_.size(); ++i) {
     MarginalVariable& v = variables_[i];
-    v.eliminated = v.landmark && v.role == Role::leaving && !v.in_prior && !v.fixed && v.dim <= 3;
+    v.eliminated = v.landmark && v.role == Role::leaving && !v.in_prior && !v.fixed && !v.restricted && v.dim <= 3;
     if (keep_asked_landmarks_ && v.found < asked_) v.eliminated = false;
     parent_[i] = v.eliminated;
   }

@@ -29,6 +29,7 @@ Result<MarginalizeReport> Marginalizer::marginalize(Graph& graph, std::span<cons
     options.ledger->discard();
     options.ledger->stage_known(graph, scope_);
   }
+  held_.begin(graph, scope_);
   root_.keep_conditional = options.ledger != nullptr;
   MarginalizeReport report;
   report.closed_landmarks = scope_.closed_landmarks;
@@ -58,7 +59,9 @@ Result<MarginalizeReport> Marginalizer::marginalize(Graph& graph, std::span<cons
                        (names.empty() ? "scalar " + std::to_string(first.tangent) : std::string(names[first.tangent])) +
                        " of " + graph.describe(first.id)};
     }
-    if (options.ledger != nullptr) options.ledger->stage(graph, scope_, component, root_);
+    // Its rows are in the axes of held directions: late data end there (decision 11).
+    const bool restricted = held_.rows(scope_, component) > 0;
+    if (options.ledger != nullptr && !restricted) options.ledger->stage(graph, scope_, component, root_);
     write_priors(graph, component, options, edit, report);
   }
   return report;
@@ -66,7 +69,7 @@ Result<MarginalizeReport> Marginalizer::marginalize(Graph& graph, std::span<cons
 
 bool Marginalizer::choose_qr(const Graph& graph, const MarginalComponent& component,
                              const MarginalizeOptions& options) {
-  stacked_rows_ = 0;
+  stacked_rows_ = held_.rows(scope_, component);
   for (std::uint32_t i = component.rows_begin; i < component.rows_end; ++i)
     stacked_rows_ += graph.tables()[scope_.rows()[i].table]->ops().dim;
   for (std::uint32_t i = component.priors_begin; i < component.priors_end; ++i)
@@ -95,6 +98,7 @@ void Marginalizer::absorb(const Graph& graph, const MarginalComponent& component
   }
   for (std::uint32_t i = component.priors_begin; i < component.priors_end; ++i)
     absorb_prior(graph, scope_.priors()[i], report);
+  if (!held_.empty()) add(held_.known(scope_, component));
   if (use_qr_)
     stack_.finish(root_);
   else
@@ -122,6 +126,7 @@ void Marginalizer::evaluate(const Graph& graph, std::span<const MarginalRow> row
   Batch batch;
   evaluate_rows(graph, table, table_rows_, nullptr, options.first_estimates, r_.data(), j_.data(), batch);
   judge(table, batch, options, report);
+  if (!held_.empty()) held_.restrict(batch_, batch);
   batch_.batch = &batch;
   if (use_qr_)
     stack_.add(batch_);
@@ -158,12 +163,21 @@ void Marginalizer::absorb_prior(const Graph& graph, const MarginalPrior& prior, 
     estimate += estimate_doubles(pool.ops());
   }
   evaluate_prior(p, error_.data(), residual_.data());
-  const AbsorbedPrior absorbed{p.rows, p.cols, p.R, residual_.data(), targets_.data()};
-  if (use_qr_)
-    stack_.add(absorbed);
-  else
-    sum_.add(absorbed);
+  const double* R = p.R;
+  if (!held_.empty()) {
+    restricted_.assign(p.R, p.R + static_cast<std::size_t>(p.rows) * static_cast<std::size_t>(p.cols));
+    held_.restrict(scope_, scope_.arguments(prior.arguments), p.rows, restricted_);
+    R = restricted_.data();
+  }
+  add({p.rows, p.cols, R, residual_.data(), targets_.data()});
   ++report.absorbed_priors;
+}
+
+void Marginalizer::add(const AbsorbedPrior& prior) {
+  if (use_qr_)
+    stack_.add(prior);
+  else
+    sum_.add(prior);
 }
 
 // x̂ of a variable goes to the prior, and x0 ⊟ x̂ to error_; false where they are the same.

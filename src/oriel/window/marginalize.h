@@ -19,6 +19,7 @@
 #include "oriel/graph/graph.h"
 #include "oriel/linear/aligned_buffer.h"
 #include "oriel/solve/summary.h"
+#include "oriel/window/held_columns.h"
 #include "oriel/window/information_sum.h"
 #include "oriel/window/late_ledger.h"
 #include "oriel/window/marginal_scope.h"
@@ -62,9 +63,9 @@ class Marginalizer {
  public:
   // Fills `edit` (cleared first; lent by this graph) with the removal of `leaving`, of landmarks by policy, and of the
   // priors that are absorbed, and with the new priors on the neighbours; the factors go with their variables. It names
-  // the version of the graph that it saw. Fixed variables are taken as known and get no columns. The graph itself only
-  // lends ids. Errors: stale_id, duplicate, bad_input (a constant), singular (fail_if_undetermined); then `edit` is
-  // empty.
+  // the version of the graph that it saw. Fixed variables are taken as known and get no columns, and so are the held
+  // directions of those that leave; those that stay are tied by all of theirs. The graph itself only lends ids. Errors:
+  // stale_id, duplicate, bad_input (a constant), singular (fail_if_undetermined); then `edit` is empty.
   Result<MarginalizeReport> marginalize(Graph& graph, std::span<const VariableKey> leaving,
                                         const MarginalizeOptions& options, GraphEdit& edit);
 
@@ -94,6 +95,7 @@ class Marginalizer {
                 MarginalizeReport& report);
   void judge(const FactorTable& table, Batch& batch, const MarginalizeOptions& options, MarginalizeReport& report);
   void absorb_prior(const Graph& graph, const MarginalPrior& prior, MarginalizeReport& report);
+  void add(const AbsorbedPrior& prior);
   void write_priors(const Graph& graph, const MarginalComponent& component, const MarginalizeOptions& options,
                     GraphEdit& edit, MarginalizeReport& report);
   bool mark_untied(const MarginalComponent& component, std::span<const TypePolicy> types, MarginalizeReport& report);
@@ -102,6 +104,7 @@ class Marginalizer {
   bool shift(const Graph& graph, const MarginalVariable& variable, bool first_estimates);
 
   MarginalScope scope_;
+  HeldColumns held_;
   InformationSum sum_;
   StackedRows stack_;
   bool use_qr_ = false;
@@ -113,7 +116,7 @@ class Marginalizer {
   AlignedBuffer r_, j_;
   AbsorbedBatch batch_;
   std::vector<std::uint32_t> table_rows_;
-  std::vector<double> error_, residual_;
+  std::vector<double> error_, residual_, restricted_;
   std::vector<std::int32_t> targets_;
   std::vector<Guest> guests_;
   std::vector<std::uint64_t> guest_variables_;

@@ -110,6 +110,7 @@ Result<MarginalizeReport> Marginalizer::absorb(Graph& graph, std::span<const Fac
       if (f.table != Graph::kPriorTable || f.row != first.host) group_.push_back(f);
     }
     scope_.collect_factors(graph, group_);
+    held_.begin(graph, scope_);  // nothing leaves, so nothing
     for (const AbsorbedFactor& f : group_)
       if (f.table == Graph::kPriorTable) edit.remove(FactorId{PriorTable::kKey, graph.priors().slots().key(f.row)});
     for (const MarginalComponent& component : scope_.components()) {
