@@ -20,7 +20,7 @@ constexpr double kDamped = 1e-2;
 // C7, C8
 TEST(CeresFollows, RandomEditsAndHoldsWhatAnEngineMadeAfreshHolds) {
   for (unsigned seed = 1; seed <= 6; ++seed) {
-    RandomGraph random(seed);
+    RandomGraph random(seed, true);
     NativeEngine native(random.graph);
     CeresEngine ceres(random.graph), late(random.graph);
     for (int round = 0; round < 150; ++round) {
@@ -48,7 +48,7 @@ TEST(CeresFollows, AndStepsToWhereAnEngineMadeAfreshSteps) {
   const SolveOptions one{.max_iterations = 1, .initial_lambda = kDamped};
   double moved = 0.0;
   for (unsigned seed = 21; seed <= 24; ++seed) {
-    RandomGraph random(seed), same(seed);
+    RandomGraph random(seed, true), same(seed, true);
     CeresEngine ceres(random.graph);
     for (int round = 0; round < 80; ++round) {
       ASSERT_TRUE(random.step(6));

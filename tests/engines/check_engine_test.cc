@@ -11,7 +11,7 @@ namespace {
 // C7
 TEST(CheckEngine, FindsNothingForEitherEngineAfterEachStepOfRandomEditsAndSolves) {
   for (unsigned seed = 11; seed <= 13; ++seed) {
-    testing_graph::RandomGraph random(seed);
+    testing_graph::RandomGraph random(seed, true);
     NativeEngine native(random.graph);
     CeresEngine ceres(random.graph);
     for (int round = 0; round < 60; ++round) {
