@@ -47,5 +47,9 @@ TEST(PageOfTheWindow, ShowsOnlyLinesOfItsTest) {
   EXPECT_GE(shown_lines("docs/window.md", "tests/window/general_window_test.cc"), 15);
 }
 
+TEST(PageOfEngines, ShowsOnlyLinesOfItsTest) {
+  EXPECT_GE(shown_lines("docs/engines.md", "tests/solve/held_directions_page_test.cc"), 9);
+}
+
 }  // namespace
 }  // namespace oriel::house

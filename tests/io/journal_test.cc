@@ -30,7 +30,7 @@ class Journal : public testing::Test {
 
   // A run of random edits and solves; the fingerprint at its end.
   std::uint64_t record(unsigned seed, int rounds) {
-    RandomGraph origin(seed);
+    RandomGraph origin(seed, true);
     NativeEngine engine(origin.graph);
     for (int i = 0; i < 3; ++i) EXPECT_TRUE(origin.step(8));  // before the journal was opened
     auto journal = JournalWriter::create(path_, origin.graph);
@@ -93,7 +93,7 @@ TEST_F(Journal, GivesTheSameBitsWhenItIsSolvedAgain) {
 
 // C1: a journal that is told of edits too seldom holds the whole graph now and then.
 TEST_F(Journal, GivesTheGraphBackWhereTheJournalHadFallenBehind) {
-  RandomGraph origin(12);
+  RandomGraph origin(12, true);
   origin.graph.bound_log({.per_live = 0.2, .least = 4});
   NativeEngine engine(origin.graph);
   auto journal = JournalWriter::create(path_, origin.graph);
@@ -175,7 +175,7 @@ TEST_F(Journal, NamesATypeThatTheReaderDoesNotKnow) {
 }
 
 TEST_F(Journal, RefusesToGoOnWhereAnEditWasKeptFromIt) {
-  RandomGraph origin(10);
+  RandomGraph origin(10, true);
   NativeEngine engine(origin.graph);
   auto journal = JournalWriter::create(path_, origin.graph);
   ASSERT_TRUE(journal) << journal.error();
@@ -192,7 +192,7 @@ TEST_F(Journal, IsAnErrorWhereItCannotBeWritten) {
   Graph graph;
   EXPECT_FALSE(JournalWriter::create(path_ + "_folder/that/is/not/there", graph));
   if (!fs::exists("/dev/full")) return;
-  RandomGraph origin(11);
+  RandomGraph origin(11, true);
   auto journal = JournalWriter::create("/dev/full", origin.graph);
   ASSERT_TRUE(journal);  // what is small waits in a buffer
   for (int i = 0; i < 400; ++i) {

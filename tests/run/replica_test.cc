@@ -88,7 +88,7 @@ TEST(Replica, ComesToTheSameBitsOnARandomlyChangingGraph) {
 TEST(Replica, ThatJoinsLateComesToTheSameBits) {
   auto replica = Replica::start(random_graph_types());
   ASSERT_TRUE(replica) << replica.error();
-  RandomGraph origin(21);
+  RandomGraph origin(21, true);
   NativeEngine engine(origin.graph);
   SolveOptions options;
   options.max_iterations = 3;
@@ -110,7 +110,7 @@ TEST(Replica, ThatJoinsLateComesToTheSameBits) {
 TEST(Replica, HasTheOriginsBitsAfterItsSolution) {
   auto replica = Replica::start(random_graph_types());
   ASSERT_TRUE(replica) << replica.error();
-  RandomGraph origin(22);
+  RandomGraph origin(22, true);
   NativeEngine engine(origin.graph);
   const Subscription s = origin.graph.subscribe();
   for (int i = 0; i < 30; ++i) {
@@ -133,7 +133,7 @@ TEST(Replica, HasTheOriginsBitsAfterItsSolution) {
 TEST(Replica, HasTheOriginsBitsAfterItFellBehind) {
   auto replica = Replica::start(random_graph_types());
   ASSERT_TRUE(replica) << replica.error();
-  RandomGraph origin(24);
+  RandomGraph origin(24, true);
   origin.graph.bound_log({.per_live = 0.1, .least = 4});
   NativeEngine engine(origin.graph);
   const Subscription s = origin.graph.subscribe();
@@ -159,7 +159,7 @@ TEST(Replica, HasTheOriginsBitsAfterItFellBehind) {
 TEST(Replica, FollowsASolveThatWasStoppedFromOutside) {
   auto replica = Replica::start(random_graph_types());
   ASSERT_TRUE(replica) << replica.error();
-  RandomGraph origin(23);
+  RandomGraph origin(23, true);
   NativeEngine engine(origin.graph);
   const Subscription s = origin.graph.subscribe();
   for (int i = 0; i < 20; ++i) ASSERT_TRUE(origin.step(8));
@@ -197,7 +197,7 @@ TEST(Replica, ThatWasKilledIsAnError) {
   ASSERT_TRUE(replica->outcome());
   ASSERT_EQ(::kill(replica->pid(), SIGKILL), 0);
   EXPECT_FALSE(replica->look() && replica->outcome());
-  RandomGraph origin(3);
+  RandomGraph origin(3, true);
   const Subscription s = origin.graph.subscribe();
   ASSERT_TRUE(origin.step(8));
   EXPECT_FALSE(replica->follow(origin.graph, s) && replica->outcome());

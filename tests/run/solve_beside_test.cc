@@ -38,7 +38,7 @@ struct History {
 
 // Rounds of: submit, edits meanwhile, write back. `kills` of ten rounds lose their worker.
 History run(ExecutorKind kind, Zygote& zygote, unsigned seed, int rounds, int kills) {
-  testing_graph::RandomGraph origin(seed);
+  testing_graph::RandomGraph origin(seed, true);
   std::mt19937 accidents(seed + 1);
   ExecutorOptions options;
   options.zygote = &zygote;
@@ -82,7 +82,7 @@ TEST(SolveBeside, HasTheSameBitsInAllExecutorsWhileItsOwnerGoesOnEditing) {
 TEST(SolveBeside, HasTheBitsOfAnEngineThatSolvesTheGraphItself) {
   Zygote zygote = Zygote::start({&Beside::kTask}).value();
   for (const ExecutorKind kind : {ExecutorKind::in_place, ExecutorKind::process}) {
-    testing_graph::RandomGraph a(9), b(9);
+    testing_graph::RandomGraph a(9, true), b(9, true);
     NativeEngine engine(a.graph);
     ExecutorOptions options;
     options.zygote = &zygote;
@@ -142,6 +142,47 @@ TEST(SolveBeside, DoesNotOverwriteWhatItsOwnerSetOrFixedMeanwhile) {
     EXPECT_NEAR(graph.value(p[0]).p[0], 1.0, 1e-6);
     EXPECT_EQ(graph.value(p[1]).p[0], 0.0);
     EXPECT_EQ(beside.outcome().fingerprint, fingerprint(graph)) << name_of(kind);
+  }
+}
+
+// C5, R2: held or fixed meanwhile, and let go again before the worker hears of it: it has to hear of the value.
+TEST(SolveBeside, AgreesOnWhatWasHeldForTheTimeOfASolve) {
+  Zygote zygote = Zygote::start({&SolveBeside::kTask}).value();
+  for (const bool released : {false, true}) {
+    Graph graph;
+    GraphEdit edit = graph.edit();
+    std::vector<VariableId<Point3d>> p;
+    for (int i = 0; i < 3; ++i) {
+      p.push_back(edit.add(Point3d{}));
+      edit.add(Prior<Point3d>{{{{1.0, 1.0, 1.0}}}}, Sigma(0.1), p.back());
+    }
+    ASSERT_TRUE(graph.apply(edit));
+    ExecutorOptions options;
+    options.zygote = &zygote;
+    auto beside = std::move(SolveBeside::start(graph, ExecutorKind::process, options).value());
+    ASSERT_TRUE(beside.submit({}));
+    edit.clear();
+    edit.fix(p[0]);
+    edit.set(p[1], Freedom::hold({2}));
+    ASSERT_TRUE(graph.apply(edit));
+    ASSERT_EQ(beside.write_back().status, JobStatus::done);
+    EXPECT_EQ(graph.value(p[0]).p[2], 0.0);
+    EXPECT_EQ(graph.value(p[1]).p[2], 0.0);  // the solve knew nothing of it
+    EXPECT_NEAR(graph.value(p[2]).p[2], 1.0, 1e-6);
+    edit.clear();
+    edit.fix(p[0], !released);
+    if (released) edit.set(p[1], Freedom::full());
+    ASSERT_TRUE(graph.apply(edit));
+    SolveOptions none;
+    none.max_iterations = 0;
+    ASSERT_TRUE(beside.submit(none));
+    ASSERT_EQ(beside.write_back().status, JobStatus::done);
+    EXPECT_EQ(beside.outcome().fingerprint, fingerprint(graph)) << released;
+    ASSERT_TRUE(beside.submit({}));
+    ASSERT_EQ(beside.write_back().status, JobStatus::done);
+    EXPECT_EQ(beside.outcome().fingerprint, fingerprint(graph)) << released;
+    EXPECT_NEAR(graph.value(p[1]).p[0], 1.0, 1e-6);
+    EXPECT_NEAR(graph.value(p[1]).p[2], released ? 1.0 : 0.0, 1e-6);
   }
 }
 

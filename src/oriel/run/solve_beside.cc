@@ -30,13 +30,11 @@ void send_value(const Graph& graph, SlotKey key, edit::Variables& column) {
 }
 
 // A variable that was fixed or restricted while a solve was under way keeps its value here and was moved there: its
-// value goes along.
+// value goes along, also where it was let go again since.
 void send_values_of_held(const Graph& graph, GraphEdit& edit) {
   for (auto& column : edit.variable_columns()) {
-    for (const auto& [key, fixed] : column->fixed)
-      if (fixed) send_value(graph, key, *column);
-    for (const auto& [key, freedom] : column->freedoms)
-      if (!freedom.is_full()) send_value(graph, key, *column);
+    for (const auto& [key, fixed] : column->fixed) send_value(graph, key, *column);
+    for (const auto& [key, freedom] : column->freedoms) send_value(graph, key, *column);
   }
 }
 

@@ -13,9 +13,8 @@ namespace oriel {
 namespace {
 
 constexpr std::size_t kMostNotFinite = 16;  // named in a summary
-constexpr double kLeastLambda = 1e-16, kLargestLambda = 1e16;
+constexpr double kLeastLambda = 1e-16, kLargestLambda = 1e16, kLeastRadius = 1e-32;
 constexpr double kDoglegLambda = 1e-14, kLargestDoglegLambda = 1e-4;  // only so that there is a solution
-constexpr double kLeastRadius = 1e-32;
 
 double largest(const std::vector<double>& v) {
   double m = 0.0;
@@ -83,8 +82,7 @@ bool Minimizer::start() {
 
 void Minimizer::name_linear_solver() {
   const LinearStructure& s = e_.structure_;
-  // One front that holds everything is a dense matrix.
-  const bool dense = summary_.fronts <= 1;
+  const bool dense = summary_.fronts <= 1;  // one front that holds everything
   summary_.linear_solver = s.landmarks().empty() ? dense ? "dense" : "multifrontal"
                            : !s.forms_reduced()  ? "landmark_schur+conjugate_gradient"
                            : s.landmark_panel()
