@@ -53,6 +53,20 @@ TEST(CeresFreedom, FindsTheOptimumThatTheNativeEngineFinds) {
   EXPECT_LT(relative_difference(CeresEngine(a.graph).cost(), native.cost()), 1e-12);
 }
 
+// C8: with what marginalization leaves, on variables that are restricted and others; first estimates off.
+TEST(CeresFreedom, FindsTheSameOptimumWithALinearPrior) {
+  World a(8, 24, 3), b(8, 24, 3);
+  for (World* w : {&a, &b}) restrict_closed(*w), w->add_prior();
+  NativeEngine native(a.graph);
+  CeresEngine ceres(b.graph);
+  EXPECT_LT(relative_difference(native.cost(), ceres.cost()), 1e-12);
+  SolveOptions options;
+  options.function_tolerance = 1e-15, options.max_iterations = 200, options.first_estimates = false;
+  const Summary x = native.solve(options), y = ceres.solve(options);
+  EXPECT_TRUE(x.converged() && y.converged()) << x << y;
+  EXPECT_LT(relative_difference(x.final_cost, y.final_cost), 1e-6);
+}
+
 // C6, C7: set, replaced, taken back while both follow; after each the optimum is that of the moment.
 TEST(CeresFreedom, FollowsWhatIsSetReplacedAndTakenBack) {
   World a(6, 12, 3), b(6, 12, 3);

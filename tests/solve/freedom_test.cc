@@ -60,19 +60,19 @@ const SolveOptions kOneStep{.method = Method::gauss_newton, .max_iterations = 1,
 TEST(FreedomSolve, StepsWhereDenseAlgebraOnTheFreeDirectionsSteps) {
   bool panels[2] = {};
   for (const int sight : {2, 9})
-    for (const int seen : {0, 30}) {
-      World w(9, std::max(seen, 2), sight);
-      w.restrict_some();
-      if (seen == 0)
-        for (const auto id : w.points) {
-          GraphEdit edit = w.graph.edit();
-          edit.remove(id);
-          ASSERT_TRUE(w.graph.apply(edit));
-        }
-      bool panel = false;
-      EXPECT_LT(distance_from_dense_step(w.graph, kOneStep, &panel), 1e-10) << sight << " " << seen;
-      if (seen > 0) panels[panel] = true;
-    }
+    for (const bool points : {false, true})
+      for (const bool prior : {false, true}) {
+        World w(9, 30, sight);
+        w.restrict_some();
+        if (prior) w.add_prior();
+        GraphEdit edit = w.graph.edit();
+        for (const auto id : w.points)
+          if (!points) edit.remove(id);
+        ASSERT_TRUE(w.graph.apply(edit));
+        bool panel = false;
+        EXPECT_LT(distance_from_dense_step(w.graph, kOneStep, &panel), 1e-10) << sight << points << prior;
+        if (points) panels[panel] = true;
+      }
   EXPECT_TRUE(panels[0] && panels[1]);
 }
 
@@ -225,6 +225,7 @@ TEST(FreedomSolve, HasTheSameBitsForAnyNumberOfThreadsAndWithCachesDropped) {
       for (const int threads : {1, 2, 3}) {
         World w(40, 300, sight);
         w.restrict_some();
+        w.add_prior();
         NativeEngine engine(w.graph);
         SolveOptions options = options_of(kind);
         options.threads = threads, options.max_iterations = 2;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <cstring>
 #include <random>
 
 #include "graph/random_graph.h"
@@ -60,6 +61,23 @@ struct World {
     edit.set(id, freedom);
     const auto ok = graph.apply(edit);
     ASSERT_TRUE(ok) << ok.error();
+  }
+  // A linear prior over two poses that may be restricted, about a point beside them.
+  void add_prior() {
+    LinearPrior prior;
+    for (const auto id : {poses[2], poses[4]}) {
+      const Pose3d x = graph.value(id).plus(six(0.1));
+      prior.variables.push_back(id);
+      const std::size_t at = prior.estimates.size();
+      prior.estimates.resize(at + estimate_doubles(kVariableOps<Pose3d>));
+      std::memcpy(prior.estimates.data() + at, &x, sizeof(x));
+    }
+    prior.rows = 9, prior.cols = 12;
+    for (int i = 0; i < prior.rows; ++i) prior.d.push_back(number(0.3));
+    for (int i = 0; i < prior.rows * prior.cols; ++i) prior.R.push_back(number(3.0));
+    GraphEdit edit = graph.edit();
+    edit.add(prior);
+    ASSERT_TRUE(graph.apply(edit));
   }
   // Of every kind: poses and velocities that are kept, points that are eliminated; neighbours of one another too.
   void restrict_some() {

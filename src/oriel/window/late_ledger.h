@@ -15,10 +15,11 @@
 // s is then in the ledger as if it had left before all others. A third state between a and s is tied to s, not to b.
 //
 // Refused and counted, with the graph, the edit and the ledger as they were: a path through a variable older than the
-// horizon (forgotten), one that was removed or dropped (removed), or a landmark that left by the landmark policy
-// (landmark; one that was asked to leave is kept like any other); a factor that is not valid, or an outlier, at the
-// smoothed estimate; a new state that its halves do not determine. Nonlinear problems: the old states' other factors
-// are not linearized again, so what is folded is right to first order about the smoothed estimate.
+// horizon (forgotten), one that was removed or dropped or left with directions held (removed), or a landmark that left
+// by the landmark policy (landmark; one that was asked to leave is kept like any other); a factor that is not valid, or
+// an outlier, at the smoothed estimate; a new state that its halves do not determine. Nonlinear problems: the old
+// states' other factors are not linearized again, so what is folded is right to first order about the smoothed
+// estimate.
 //
 // Memory: all blocks have room for the largest so far, so a steady window without late data asks for none.
 #pragma once
@@ -46,7 +47,7 @@ enum class LateOutcome : std::uint8_t {
   folded,
   live,          // nothing of it was marginalized: it belongs into the graph
   forgotten,     // older than the horizon
-  removed,       // removed, dropped, or never there
+  removed,       // removed, dropped, left with directions held, or never there
   landmark,      // a landmark that left by policy
   invalid,       // not valid, or not finite, at the smoothed estimate
   outlier,       // above the outlier threshold
