@@ -4,8 +4,8 @@
 #include <cstring>
 
 #include "oriel/window/refine_pose.h"
+#include "oriel/window/track_map.h"
 #include "oriel/window/triangulate.h"
-#include "oriel/window/visual_map.h"
 #include "simulated_flight.h"
 
 namespace oriel {
@@ -84,7 +84,7 @@ TEST(RefinePose, LeavesThePoseAloneWhereTooFewPointsDetermineIt) {
 
 struct Tracks {
   StereoRigd rig;
-  VisualMap map{rig_with(rig), true};
+  TrackMap map{rig_with(rig), true};
   std::vector<std::uint32_t> seen;
   static StereoRigd rig_with(StereoRigd r) {
     for (auto& m : r.cameras) m.camera = RadTanCamerad{400.0, 400.0, 300.0, 200.0, 0.0, 0.0, 0.0, 0.0};
@@ -97,7 +97,7 @@ struct Tracks {
   }
 };
 
-TEST(VisualMap, CollectsTheSightingsOfATrackInTheOrderOfTime) {
+TEST(TrackMap, CollectsTheSightingsOfATrackInTheOrderOfTime) {
   Tracks t;
   t.see(1, {7, 3});
   t.see(2, {3, 9});
@@ -108,7 +108,7 @@ TEST(VisualMap, CollectsTheSightingsOfATrackInTheOrderOfTime) {
   EXPECT_EQ(t.map.track(t.seen[1]).id, 9);
 }
 
-TEST(VisualMap, ForgetsTheSightingsOfAStateAndTheTracksThatItAloneSaw) {
+TEST(TrackMap, ForgetsTheSightingsOfAStateAndTheTracksThatItAloneSaw) {
   Tracks t;
   t.see(1, {7, 3});
   t.see(2, {3, 9});
@@ -117,7 +117,7 @@ TEST(VisualMap, ForgetsTheSightingsOfAStateAndTheTracksThatItAloneSaw) {
   EXPECT_EQ(t.map.track(t.map.find(3)).sightings.size(), 1u);
 }
 
-TEST(VisualMap, BeginsAClosedTrackAnewWithoutItsOldSightings) {
+TEST(TrackMap, BeginsAClosedTrackAnewWithoutItsOldSightings) {
   Tracks t;
   t.see(1, {3});
   t.map.close(t.map.find(3));
@@ -127,7 +127,7 @@ TEST(VisualMap, BeginsAClosedTrackAnewWithoutItsOldSightings) {
   EXPECT_EQ(track.sightings[0].time.ns, 2);
 }
 
-TEST(VisualMap, UsesThePlacesOfGoneTracksAgain) {
+TEST(TrackMap, UsesThePlacesOfGoneTracksAgain) {
   Tracks t;
   for (std::int64_t k = 0; k < 1000; ++k) {
     t.see(k, {k, k + 1, k + 2});

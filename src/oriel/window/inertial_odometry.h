@@ -16,8 +16,8 @@
 #include "oriel/window/landmark_builder.h"
 #include "oriel/window/relocate.h"
 #include "oriel/window/timeline.h"
+#include "oriel/window/track_map.h"
 #include "oriel/window/trajectory.h"
-#include "oriel/window/visual_map.h"
 #include "oriel/window/window_core.h"
 
 namespace oriel {
@@ -131,7 +131,7 @@ class InertialOdometry {
   ImuBuffer imu_;
   WindowCore window_;
   Timeline<InertialState> timeline_;
-  VisualMap map_;
+  TrackMap map_;
   LandmarkBuilder builder_;
   Initialiser initialiser_;
   bool initialised_ = false;

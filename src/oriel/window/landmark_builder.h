@@ -5,8 +5,8 @@
 
 #include "oriel/graph/graph.h"
 #include "oriel/window/odometry_options.h"
+#include "oriel/window/track_map.h"
 #include "oriel/window/triangulate.h"
-#include "oriel/window/visual_map.h"
 
 namespace oriel {
 

@@ -47,7 +47,7 @@ class StructurelessBuilder final : public BatchFactorBuilder {
   void after_slide(const Graph& graph, const States& states) override;
   void reset() override;
 
-  const VisualMap& map() const { return map_; }
+  const TrackMap& map() const { return map_; }
   FrameOverlap overlap(const Graph& graph, const States& states, Time earlier, Time later) const;
 
   struct Counts {
@@ -94,7 +94,7 @@ class StructurelessBuilder final : public BatchFactorBuilder {
   VariableId<StereoRigd> rig_id_;
   StructurelessOptions options_;
   TrackGeometry geometry_;
-  VisualMap map_;
+  TrackMap map_;
   std::vector<Frame> frames_;
   std::size_t waiting_ = 0;
   std::vector<Built> built_;

@@ -50,7 +50,7 @@ class TrackBuilder final : public FactorBuilder {
   void after_slide(const Graph& graph, const States& states) override;
   void reset() override;
 
-  const VisualMap& map() const { return map_; }
+  const TrackMap& map() const { return map_; }
   FrameOverlap overlap(const Graph& graph, const States& states, Time earlier, Time later) const;
   double motion(Time earlier, Time later) const { return track_motion(map_, earlier, later, scratch_); }
 
@@ -108,7 +108,7 @@ class TrackBuilder final : public FactorBuilder {
   VariableId<StereoRigd> rig_id_;
   TrackBuilderOptions options_;
   TrackGeometry geometry_;
-  VisualMap map_;
+  TrackMap map_;
   std::vector<Frame> frames_;
   std::size_t waiting_ = 0;  // frames that go in with the next drain
   std::vector<Sent> sent_;

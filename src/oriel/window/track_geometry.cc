@@ -66,7 +66,7 @@ bool was_removed(const States& states, ProviderId provider, Time time) {
   return next != nullptr ? !next->severed : !line.empty();
 }
 
-FrameOverlap overlap_of(const VisualMap& map, Time earlier, const Pose3d& T_world_earlier, Time later,
+FrameOverlap overlap_of(const TrackMap& map, Time earlier, const Pose3d& T_world_earlier, Time later,
                         const Pose3d& T_world_later, std::vector<double>& scratch) {
   FrameOverlap overlap;
   scratch.clear();
@@ -87,7 +87,7 @@ FrameOverlap overlap_of(const VisualMap& map, Time earlier, const Pose3d& T_worl
   return overlap;
 }
 
-double track_motion(const VisualMap& map, Time earlier, Time later, std::vector<double>& scratch) {
+double track_motion(const TrackMap& map, Time earlier, Time later, std::vector<double>& scratch) {
   scratch.clear();
   for (std::uint32_t k = 0; k < map.extent(); ++k) {
     const Track& t = map.track(k);

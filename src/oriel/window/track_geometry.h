@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "oriel/window/states.h"
+#include "oriel/window/track_map.h"
 #include "oriel/window/triangulate.h"
-#include "oriel/window/visual_map.h"
 
 namespace oriel {
 
@@ -56,9 +56,9 @@ struct FrameOverlap {
 };
 
 // `scratch` is overwritten.
-FrameOverlap overlap_of(const VisualMap& map, Time earlier, const Pose3d& T_world_earlier, Time later,
+FrameOverlap overlap_of(const TrackMap& map, Time earlier, const Pose3d& T_world_earlier, Time later,
                         const Pose3d& T_world_later, std::vector<double>& scratch);
 // Median of the lengths by which shared tracks moved in camera 0 [px]; negative where none are shared.
-double track_motion(const VisualMap& map, Time earlier, Time later, std::vector<double>& scratch);
+double track_motion(const TrackMap& map, Time earlier, Time later, std::vector<double>& scratch);
 
 }  // namespace oriel

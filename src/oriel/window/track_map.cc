@@ -1,10 +1,10 @@
-#include "oriel/window/visual_map.h"
+#include "oriel/window/track_map.h"
 
 #include <algorithm>
 
 namespace oriel {
 
-void VisualMap::reserve(std::size_t tracks, std::size_t states) {
+void TrackMap::reserve(std::size_t tracks, std::size_t states) {
   index_.reserve(tracks);
   free_.reserve(tracks);
   while (tracks_.size() < tracks) {
@@ -14,12 +14,12 @@ void VisualMap::reserve(std::size_t tracks, std::size_t states) {
   std::reverse(free_.begin(), free_.end());
 }
 
-std::uint32_t VisualMap::find(std::int64_t id) const {
+std::uint32_t TrackMap::find(std::int64_t id) const {
   const auto at = std::lower_bound(index_.begin(), index_.end(), std::pair{id, std::uint32_t{0}});
   return at != index_.end() && at->first == id ? at->second : extent();
 }
 
-std::uint32_t VisualMap::place_of(std::int64_t id) {
+std::uint32_t TrackMap::place_of(std::int64_t id) {
   const auto at = std::lower_bound(index_.begin(), index_.end(), std::pair{id, std::uint32_t{0}});
   if (at != index_.end() && at->first == id) return at->second;
   if (free_.empty()) {
@@ -37,7 +37,7 @@ std::uint32_t VisualMap::place_of(std::int64_t id) {
   return place;
 }
 
-void VisualMap::release(std::uint32_t place) {
+void TrackMap::release(std::uint32_t place) {
   Track& t = tracks_[place];
   index_.erase(std::lower_bound(index_.begin(), index_.end(), std::pair{t.id, std::uint32_t{0}}));
   t.live = t.has_landmark = false;
@@ -45,7 +45,7 @@ void VisualMap::release(std::uint32_t place) {
   free_.push_back(place);
 }
 
-int VisualMap::observe(const StereoFrame& frame, VariableId<Pose3d> pose, std::vector<std::uint32_t>& seen) {
+int TrackMap::observe(const StereoFrame& frame, VariableId<Pose3d> pose, std::vector<std::uint32_t>& seen) {
   int left_out = 0;
   seen.clear();
   for (const FeatureObservation& f : frame.features) {
@@ -67,14 +67,14 @@ int VisualMap::observe(const StereoFrame& frame, VariableId<Pose3d> pose, std::v
   return left_out;
 }
 
-bool VisualMap::has_seen(Time time) const {
+bool TrackMap::has_seen(Time time) const {
   return std::any_of(tracks_.begin(), tracks_.end(), [time](const Track& t) {
     return t.live &&
            std::any_of(t.sightings.begin(), t.sightings.end(), [time](const Sighting& s) { return s.time == time; });
   });
 }
 
-void VisualMap::forget(Time time) {
+void TrackMap::forget(Time time) {
   for (std::uint32_t k = 0; k < extent(); ++k) {
     Track& t = tracks_[k];
     if (!t.live) continue;
@@ -83,9 +83,9 @@ void VisualMap::forget(Time time) {
   }
 }
 
-void VisualMap::close(std::uint32_t track) { release(track); }
+void TrackMap::close(std::uint32_t track) { release(track); }
 
-void VisualMap::clear() {
+void TrackMap::clear() {
   for (std::uint32_t k = 0; k < extent(); ++k)
     if (tracks_[k].live) release(k);
 }

@@ -1,4 +1,4 @@
-// VisualMap: the tracks that states of the window see, and which of them have a landmark in the graph.
+// TrackMap: the tracks that states of the window see, and which of them have a landmark in the graph.
 #pragma once
 #include <cstdint>
 #include <utility>
@@ -33,9 +33,9 @@ struct Track {
   std::vector<Sighting> sightings;  // by time
 };
 
-class VisualMap {
+class TrackMap {
  public:
-  VisualMap(const StereoRigd& rig, bool stereo) : rig_(rig), stereo_(stereo) {}
+  TrackMap(const StereoRigd& rig, bool stereo) : rig_(rig), stereo_(stereo) {}
 
   const StereoRigd& rig() const { return rig_; }
   // Room for so many tracks, each seen from so many states, without an allocation.
