@@ -6,11 +6,13 @@ namespace oriel::io_detail {
 
 void read_pinhole_radtan(YamlFields& fields, const CameraKeys& keys, RecordedCamera& camera) {
   std::vector<double> size, f, d;
-  fields.numbers(keys.resolution, 2, size);
+  const bool has_size = !keys.resolution_may_lack || fields.has(keys.resolution);
+  if (has_size) fields.numbers(keys.resolution, 2, size);
   fields.numbers(keys.intrinsics, 4, f);
   fields.numbers(keys.distortion, 4, d);
   if (!fields.ok()) return;
-  if (!(size[0] >= 1 && size[1] >= 1 && size[0] <= 1e6 && size[1] <= 1e6))
+  if (!has_size) size = {0, 0};
+  if (has_size && !(size[0] >= 1 && size[1] >= 1 && size[0] <= 1e6 && size[1] <= 1e6))
     return fields.fail(keys.resolution, "expected width and height of 1 px or more");
   if (!(f[0] > 0 && f[1] > 0)) return fields.fail(keys.intrinsics, "expected positive focal lengths [px]");
   camera.width = static_cast<int>(size[0]), camera.height = static_cast<int>(size[1]);

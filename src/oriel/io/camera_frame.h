@@ -9,6 +9,7 @@ namespace oriel::io_detail {
 
 struct CameraKeys {
   const char *resolution, *intrinsics, *distortion;
+  bool resolution_may_lack = false;
 };
 
 // Size, fx fy cx cy, k1 k2 p1 p2; a fault is left in `fields`.

@@ -23,13 +23,13 @@ constexpr const char* kTracksFile = "tracks.csv";
 constexpr const char* kTruthFile = "groundtruth.tum";
 
 struct FileNames {
-  std::string imu, tracks, groundtruth;  // relative to the folder; no ground truth: empty
+  std::string imu, tracks, groundtruth;  // relative to the folder; no IMU, no ground truth: empty
 };
 
 Result<void> read_files(const YAML::Node& node, const std::string& file, FileNames& out) {
   YamlFields fields(node, file, "files");
   fields.allow_only({"imu", "tracks", "groundtruth"});
-  fields.text("imu", out.imu);
+  if (fields.has("imu")) fields.text("imu", out.imu);
   fields.text("tracks", out.tracks);
   if (fields.has("groundtruth")) fields.text("groundtruth", out.groundtruth);
   if (!fields.ok()) return fields.error();
@@ -49,14 +49,23 @@ Result<void> read_noise(const YAML::Node& node, const std::string& file, Recorde
   return {};
 }
 
+void read_pixel_sigma(YamlFields& fields, RecordedCamera& out) {
+  std::vector<double> sigma;
+  fields.numbers("pixel_sigma", 2, sigma);
+  if (!fields.ok()) return;
+  if (!(sigma[0] > 0 && sigma[1] > 0)) return fields.fail("pixel_sigma", "expected two positive numbers [px]");
+  out.pixel_sigma = {{sigma[0], sigma[1]}};
+}
+
 Result<void> read_camera(const YAML::Node& node, const std::string& file, std::size_t i, RecordedCamera& out) {
   YamlFields fields(node, file, "camera " + std::to_string(i));
-  fields.allow_only({"model", "resolution", "intrinsics", "distortion", "T_body_camera"});
+  fields.allow_only({"model", "resolution", "intrinsics", "distortion", "T_body_camera", "pixel_sigma"});
   std::string model;
   fields.text("model", model);
   if (fields.ok() && model != "pinhole-radtan")
     fields.fail("model", "expected pinhole-radtan, found " + quote_token(model));
-  io_detail::read_pinhole_radtan(fields, {"resolution", "intrinsics", "distortion"}, out);
+  io_detail::read_pinhole_radtan(fields, {"resolution", "intrinsics", "distortion", true}, out);
+  if (fields.has("pixel_sigma")) read_pixel_sigma(fields, out);
   std::vector<double> T;
   fields.numbers("T_body_camera", 12, T);
   if (fields.ok() && !io_detail::set_camera_frame(T, out))
@@ -78,12 +87,16 @@ Result<void> read_index(const std::string& path, Recording& recording, FileNames
     fields.fail("format", "expected format " + std::string(kRecordingFormat) + ", found " + quote_token(format));
   fields.text("name", recording.name);
   fields.text("origin", recording.origin);
-  const YAML::Node files = fields.child("files"), imu = fields.child("imu"), cameras = fields.child("cameras");
+  const YAML::Node files = fields.child("files"), cameras = fields.child("cameras");
   if (fields.ok() && (!cameras.IsSequence() || cameras.size() < 1 || cameras.size() > 2))
     fields.fail("cameras", "expected a list of one or two cameras");
   if (!fields.ok()) return fields.error();
   if (auto done = read_files(files, path, names); !done) return done;
-  if (auto done = read_noise(imu, path, recording.imu_noise); !done) return done;
+  if (fields.has("imu") == names.imu.empty())
+    fields.fail("files", "expected the noise `imu` and the file `files.imu` both, or neither");
+  if (!fields.ok()) return fields.error();
+  if (fields.has("imu"))
+    if (auto done = read_noise(fields.child("imu"), path, recording.imu_noise); !done) return done;
   recording.cameras.resize(cameras.size());
   for (std::size_t i = 0; i < cameras.size(); ++i)
     if (auto done = read_camera(cameras[i], path, i, recording.cameras[i]); !done) return done;
@@ -102,13 +115,16 @@ std::string list_of(std::initializer_list<double> values) {
 void append_camera(std::string& out, const RecordedCamera& c) {
   const Mat3d& R = c.R_body_camera;
   const Vec3d& p = c.p_body_camera;
-  out += "  - model: pinhole-radtan\n    resolution: " +
-         list_of({static_cast<double>(c.width), static_cast<double>(c.height)}) +
-         "  # [px]\n    intrinsics: " + list_of({c.fx, c.fy, c.cx, c.cy}) +
+  out += "  - model: pinhole-radtan\n";
+  if (c.width > 0)
+    out += "    resolution: " + list_of({static_cast<double>(c.width), static_cast<double>(c.height)}) + "  # [px]\n";
+  out += "    intrinsics: " + list_of({c.fx, c.fy, c.cx, c.cy}) +
          "  # fx fy cx cy [px]\n    distortion: " + list_of({c.k1, c.k2, c.p1, c.p2}) +
          "  # k1 k2 p1 p2\n    T_body_camera: " +  // rows of [R | p]
          list_of({R(0, 0), R(0, 1), R(0, 2), p[0], R(1, 0), R(1, 1), R(1, 2), p[1], R(2, 0), R(2, 1), R(2, 2), p[2]}) +
          "  # rows of [R | p m]\n";
+  if (c.pixel_sigma[0] > 0)
+    out += "    pixel_sigma: " + list_of({c.pixel_sigma[0], c.pixel_sigma[1]}) + "  # u v [px]\n";
 }
 
 // Text in double quotes, as YAML has it.
@@ -121,22 +137,27 @@ std::string yaml_text(const std::string& text) {
   return out + "\"";
 }
 
-std::string format_index(const Recording& r) {
-  std::string out = "format: " + std::string(kRecordingFormat) + "\nname: " + yaml_text(r.name) +
-                    "\norigin: " + yaml_text(r.origin) + "\nfiles:\n  imu: " + kImuFile + "\n  tracks: " + kTracksFile +
-                    "\n";
-  if (!r.groundtruth.empty()) out += std::string("  groundtruth: ") + kTruthFile + "\n";
+void append_noise(std::string& out, const RecordedImuNoise& noise) {
   out += "imu:\n";
   const auto line = [&](const char* key, double value, const char* unit) {
     out += std::string("  ") + key + ": ";
     append_number(out, value);
     out += std::string("  # ") + unit + "\n";
   };
-  line("rate_hz", r.imu_noise.rate_hz, "[Hz]");
-  line("gyroscope_noise_density", r.imu_noise.gyroscope_noise_density, "[rad/s/sqrt(Hz)]");
-  line("gyroscope_random_walk", r.imu_noise.gyroscope_random_walk, "[rad/s^2/sqrt(Hz)]");
-  line("accelerometer_noise_density", r.imu_noise.accelerometer_noise_density, "[m/s^2/sqrt(Hz)]");
-  line("accelerometer_random_walk", r.imu_noise.accelerometer_random_walk, "[m/s^3/sqrt(Hz)]");
+  line("rate_hz", noise.rate_hz, "[Hz]");
+  line("gyroscope_noise_density", noise.gyroscope_noise_density, "[rad/s/sqrt(Hz)]");
+  line("gyroscope_random_walk", noise.gyroscope_random_walk, "[rad/s^2/sqrt(Hz)]");
+  line("accelerometer_noise_density", noise.accelerometer_noise_density, "[m/s^2/sqrt(Hz)]");
+  line("accelerometer_random_walk", noise.accelerometer_random_walk, "[m/s^3/sqrt(Hz)]");
+}
+
+std::string format_index(const Recording& r) {
+  std::string out = "format: " + std::string(kRecordingFormat) + "\nname: " + yaml_text(r.name) +
+                    "\norigin: " + yaml_text(r.origin) + "\nfiles:\n";
+  if (!r.imu.empty()) out += std::string("  imu: ") + kImuFile + "\n";
+  out += std::string("  tracks: ") + kTracksFile + "\n";
+  if (!r.groundtruth.empty()) out += std::string("  groundtruth: ") + kTruthFile + "\n";
+  if (!r.imu.empty()) append_noise(out, r.imu_noise);
   out += "cameras:\n";
   for (const RecordedCamera& camera : r.cameras) append_camera(out, camera);
   return out;
@@ -196,7 +217,8 @@ Result<void> check_replaceable(const fs::path& folder) {
 }
 
 Result<void> write_files(const fs::path& folder, const Recording& r) {
-  if (auto done = write_text_file((folder / kImuFile).string(), format_imu(r.imu)); !done) return done;
+  if (!r.imu.empty())
+    if (auto done = write_text_file((folder / kImuFile).string(), format_imu(r.imu)); !done) return done;
   if (auto done = write_text_file((folder / kTracksFile).string(), format_tracks(r)); !done) return done;
   if (!r.groundtruth.empty())
     if (auto done = write_tum((folder / kTruthFile).string(), r.groundtruth); !done) return done;
@@ -215,16 +237,19 @@ Result<Recording> read_recording(const std::string& folder) {
   FileNames names;
   if (auto done = read_index((root / kIndexFile).string(), recording, names); !done) return done.error();
 
-  const std::string imu_path = (root / names.imu).string(), tracks_path = (root / names.tracks).string();
-  const Result<std::string> imu_text = read_text_file(imu_path);
-  if (!imu_text) return imu_text.error();
-  Result<std::vector<RecordedImu>> imu = parse_imu_csv(*imu_text, imu_path);
-  if (!imu) return imu.error();
+  if (!names.imu.empty()) {
+    const std::string imu_path = (root / names.imu).string();
+    const Result<std::string> imu_text = read_text_file(imu_path);
+    if (!imu_text) return imu_text.error();
+    Result<std::vector<RecordedImu>> imu = parse_imu_csv(*imu_text, imu_path);
+    if (!imu) return imu.error();
+    recording.imu = std::move(*imu);
+  }
+  const std::string tracks_path = (root / names.tracks).string();
   const Result<std::string> tracks_text = read_text_file(tracks_path);
   if (!tracks_text) return tracks_text.error();
   Result<RecordedTracks> tracks = parse_tracks_csv(*tracks_text, tracks_path, recording.cameras.size());
   if (!tracks) return tracks.error();
-  recording.imu = std::move(*imu);
   recording.frames = std::move(tracks->frames);
   recording.observations = std::move(tracks->observations);
   if (names.groundtruth.empty()) return recording;

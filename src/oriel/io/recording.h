@@ -1,7 +1,7 @@
 // A recording: a folder of what the sensors said, in one layout whatever it came from.
 //
 //   recording.yaml   format, name, origin, files, imu (rate, noise), cameras (calibration)
-//   imu.csv          timestamp_ns,wx,wy,wz,ax,ay,az                [rad/s] [m/s²], body frame = IMU frame
+//   imu.csv          optional: timestamp_ns,wx,wy,wz,ax,ay,az                [rad/s] [m/s²], body frame = IMU frame
 //   tracks.csv       timestamp_ns,frame,track_id,u0,v0,u1,v1       [px], raw (distorted); u1,v1 empty: not seen there
 //   groundtruth.tum  optional: t x y z qx qy qz qw, body to world
 //
@@ -36,11 +36,12 @@ struct RecordedImuNoise {
 
 // A pinhole camera with radial-tangential distortion.
 struct RecordedCamera {
-  int width = 0, height = 0;              // [px]
+  int width = 0, height = 0;              // [px]; 0: not known
   double fx = 0, fy = 0, cx = 0, cy = 0;  // [px]
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0;
   Mat3d R_body_camera = Mat3d::identity();  // orthonormal to rounding
   Vec3d p_body_camera = Vec3d::zero();      // [m]
+  Vec2d pixel_sigma = Vec2d::zero();        // noise of u and v of its observations [px]; 0: not known
 };
 
 struct RecordedObservation {
@@ -60,7 +61,7 @@ struct Recording {
   std::string name, origin;
   RecordedImuNoise imu_noise;
   std::vector<RecordedCamera> cameras;  // 1 or 2; the first sees every track
-  std::vector<RecordedImu> imu;
+  std::vector<RecordedImu> imu;         // empty where there is none
   std::vector<RecordedFrame> frames;
   std::vector<RecordedObservation> observations;  // frame by frame, in the order of the file
   std::vector<TumPose> groundtruth;               // empty where there is none
