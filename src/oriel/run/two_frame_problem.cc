@@ -106,6 +106,9 @@ void TwoFrameProblem::judge() {
   }
 }
 
-Result<Mat6d> TwoFrameProblem::covariance() const { return covariance_; }
+Result<Mat6d> TwoFrameProblem::covariance() const {
+  if (!covariance_) return covariance_;
+  return (*covariance_ + covariance_->transposed()) * 0.5;  // to the bit
+}
 
 }  // namespace oriel::run_detail

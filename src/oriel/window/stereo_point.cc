@@ -55,7 +55,7 @@ Vec3d in_body(const StereoRigd& rig, const Vec3d& p_camera) {
 }
 Mat3d in_body(const StereoRigd& rig, const Mat3d& covariance) {
   const Mat3d& R = rig.cameras[0].R_body_camera;
-  return R * covariance * R.transposed();
+  return symmetric(eigen(R) * eigen(covariance) * eigen(R).transpose());
 }
 
 std::optional<StereoPoint> stereo_point(const StereoRigd& rig, const StereoSighting& seen,

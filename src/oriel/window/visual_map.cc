@@ -17,7 +17,7 @@ bool finite(const Mat<double, R, C>& a) {
   return true;
 }
 
-// Symmetric, with pivots that are not negative beyond rounding.
+// Symmetric to the bit (files hold a triangle), with pivots that are not negative beyond rounding.
 template <int N>
 bool is_covariance(Mat<double, N, N> a) {
   if (!finite(a)) return false;
@@ -26,7 +26,7 @@ bool is_covariance(Mat<double, N, N> a) {
     diagonal[i] = a(i, i);
     if (diagonal[i] < 0.0) return false;
     for (int j = 0; j < i; ++j)
-      if (std::fabs(a(i, j) - a(j, i)) > kRounding * std::sqrt(a(i, i) * a(j, j))) return false;
+      if (a(i, j) != a(j, i)) return false;
   }
   for (int i = 0; i < N; ++i) {
     const double tolerance = kRounding * diagonal[i], pivot = a(i, i);
@@ -45,25 +45,27 @@ bool is_pose(const Pose3d& T) {
 
 class Checker {
  public:
-  explicit Checker(const VisualMap& map) : map_(map) {}
+  Checker(const VisualMap& map, MapFault* where) : map_(map), where_(where) {}
   Result<void> operator()() {
     if (!lengths()) return Error{ErrorCode::size_mismatch, "visual map: expected columns of one length"};
     for (std::uint32_t i = 0; i < map_.rigs.size(); ++i)
-      if (!rig(map_.rigs[i])) return wrong("rig", i, "finite numbers");
+      if (!rig(map_.rigs[i])) return wrong(MapGroup::rig, i, "finite numbers");
     for (std::uint32_t i = 0; i < map_.frames.size(); ++i)
-      if (const char* expected = frame(i)) return wrong("frame", i, expected);
-    if (!ends_with_last_frame()) return wrong("observation", covered_, "an observation of a frame");
+      if (const char* expected = frame(i)) return wrong(MapGroup::frame, i, expected);
+    if (!ends_with_last_frame()) return wrong(MapGroup::observation, covered_, "an observation of a frame");
     for (std::uint32_t i = 0; i < map_.points.size(); ++i)
-      if (const char* expected = point(i)) return wrong("point", i, expected);
+      if (const char* expected = point(i)) return wrong(MapGroup::point, i, expected);
     for (std::uint32_t i = 0; i < map_.observations.size(); ++i)
-      if (const char* expected = observation(i)) return wrong("observation", i, expected);
+      if (const char* expected = observation(i)) return wrong(MapGroup::observation, i, expected);
     return {};
   }
 
  private:
-  static Error wrong(const char* group, std::uint32_t row, const char* expected) {
-    return {ErrorCode::bad_input,
-            "visual map: " + std::string(group) + " " + std::to_string(row) + ": expected " + expected};
+  Error wrong(MapGroup group, std::uint32_t row, const char* expected) const {
+    constexpr const char* kNames[] = {"rig", "frame", "point", "observation"};
+    if (where_ != nullptr) *where_ = {group, row};
+    return {ErrorCode::bad_input, std::string("visual map: ") + kNames[static_cast<std::size_t>(group)] + " " +
+                                      std::to_string(row) + ": expected " + expected};
   }
   static bool same(std::size_t n, std::initializer_list<std::size_t> sizes) {
     for (const std::size_t s : sizes)
@@ -126,6 +128,7 @@ class Checker {
   }
 
   const VisualMap& map_;
+  MapFault* where_;
   std::uint32_t covered_ = 0;  // observations of the frames so far
 };
 
@@ -150,7 +153,7 @@ std::string_view name_of(FrameStatus status) {
   return kNames[static_cast<std::size_t>(status)];
 }
 
-Result<void> VisualMap::check() const { return Checker(*this)(); }
+Result<void> VisualMap::check(MapFault* where) const { return Checker(*this, where)(); }
 
 std::uint32_t VisualMap::add_frame(Time time, const Pose3d& T_world_body, std::uint32_t rig) {
   const std::uint32_t row = frames.size();

@@ -74,6 +74,12 @@ struct MapObservations {
   double disparity_variance(std::uint32_t row) const { return covariance0[row](0, 0) + covariance1[row](0, 0); }
 };
 
+enum class MapGroup : std::uint8_t { rig, frame, point, observation };
+struct MapFault {
+  MapGroup group = MapGroup::rig;
+  std::uint32_t row = 0;
+};
+
 struct VisualMap {
   std::vector<StereoRigd> rigs;
   MapFrames frames;
@@ -81,8 +87,9 @@ struct VisualMap {
   MapObservations observations;
 
   // Columns of one length, rows that exist, stamps that rise, frames whose observations follow one another, numbers
-  // that are finite, covariances that are positive semidefinite. The first fault names group and row.
-  Result<void> check() const;
+  // that are finite, covariances that are positive semidefinite and symmetric to the bit. The first fault names group
+  // and row, in words and in `where`.
+  Result<void> check(MapFault* where = nullptr) const;
 
   // A new row; its observations follow by add_observation.
   std::uint32_t add_frame(Time time, const Pose3d& T_world_body, std::uint32_t rig);
