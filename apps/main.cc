@@ -16,9 +16,9 @@ namespace {
 
 // A subcommand takes part by standing here.
 constexpr AddCommand kCommands[] = {
-    add_solve_command,    add_compare_command, add_info_command,   add_import_command,
-    add_simulate_command, add_nees_command,    add_soak_command,   add_evaluate_command,
-    add_run_command,      add_config_command,  add_replay_command, add_demo_command,
+    add_solve_command,  add_compare_command, add_info_command,     add_import_command, add_simulate_command,
+    add_nees_command,   add_soak_command,    add_evaluate_command, add_run_command,    add_track_command,
+    add_config_command, add_replay_command,  add_demo_command,
 };
 
 // CLI11 explains itself in several lines where it has several things to say; an error of ours is one.

@@ -13,6 +13,7 @@
 #include "apps/engine_choice.h"
 #include "apps/landmark_option.h"
 #include "apps/run_recording.h"
+#include "apps/track_recording.h"
 #include "oriel/io/run_config.h"
 #include "oriel/run/solve_beside.h"
 
@@ -65,12 +66,24 @@ Result<int> run_and_report(const RunConfig& config, const RunArguments& a) {
   return std::isnan(report->initialised_after_s) ? kNotConverged : kSolved;
 }
 
+// By the task of the config; what only a window has is refused.
+Result<int> track_instead(const CLI::App& command, const RunConfig& config, const RunArguments& a) {
+  for (const char* option : {"--journal", "--landmarks"})
+    if (command.count(option) > 0)
+      return Error{ErrorCode::bad_input,
+                   std::string(option) + ": expected the task inertial_odometry, found two_frame"};
+  if (config.engine != "native")
+    return Error{ErrorCode::bad_input, "expected the engine native for the task two_frame, found " + config.engine};
+  return track_and_report(config, a.recording, {a.json, a.out, ""});
+}
+
 int run(const CLI::App& command, const RunArguments& a) {
   const RunConfigReading reading = settings(command, a);
   for (const Error& e : reading.errors) refuse(e);
   if (!reading.errors.empty()) return kBadInput;
   if (!has_engine(reading.config.engine)) return refuse(become_one_with(reading.config.engine));
-  const Result<int> exit_code = run_and_report(reading.config, a);
+  const Result<int> exit_code = reading.config.task == RunTask::two_frame ? track_instead(command, reading.config, a)
+                                                                          : run_and_report(reading.config, a);
   return exit_code ? *exit_code : refuse(exit_code.error());
 }
 

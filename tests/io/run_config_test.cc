@@ -62,10 +62,10 @@ TEST(RunConfig, NamesWrongTypesUnknownAndMissingKeysEachWithFileAndLine) {
   EXPECT_EQ(faults("engine: native\n"), (Faults{"run.yaml:1: expected the key `task`, found none",
                                                 "run.yaml:1: expected the key `executor`, found none"}));
   EXPECT_EQ(faults("task: slam\nexecutor: inline\nexecutor: inline\n"),
-            (Faults{"run.yaml:1: expected one of inertial_odometry for `task`, found 'slam'",
+            (Faults{"run.yaml:1: expected one of inertial_odometry, two_frame for `task`, found 'slam'",
                     "run.yaml:3: the key `executor` stands twice"}));
   EXPECT_EQ(faults("task: [inertial_odometry]\nexecutor: inline\nkeyframes: {max_keyframes: 2.5}\n"),
-            (Faults{"run.yaml:1: expected one of inertial_odometry for `task`, found a list or a map",
+            (Faults{"run.yaml:1: expected one of inertial_odometry, two_frame for `task`, found a list or a map",
                     "run.yaml:3: expected a whole number from 2 to 1000 for `keyframes.max_keyframes`, found '2.5'"}));
   EXPECT_EQ(faults("- 1\n").size(), 1u);
   EXPECT_EQ(faults("task: {\n").size(), 1u);
@@ -86,6 +86,11 @@ TEST(RunConfig, PrintsEveryKeyWithItsDefaultSoThatItCanBeReadAgain) {
   // And a config where nothing is as it is by default comes back, too.
   RunConfig other = reading.config;
   other.executor = ExecutorKind::thread;
+  other.task = RunTask::two_frame;
+  other.two_frame.residual = MatchResidual::disparity;
+  other.two_frame.coordinates = MatchCoordinates::world;
+  other.two_frame.source = MatchSource::previous;
+  other.two_frame.robust_start = false;
   other.engine = "ceres";
   other.time_limit = {1'500'000'000};
   other.odometry.visual.loss = Barron(2.0, -2.0);
@@ -97,6 +102,8 @@ TEST(RunConfig, PrintsEveryKeyWithItsDefaultSoThatItCanBeReadAgain) {
   ASSERT_TRUE(again.errors.empty()) << again.errors[0];
   EXPECT_EQ(run_config_text(again.config), changed);
   EXPECT_EQ(again.config.odometry.rest.pixels, 0.1 + 0.2);
+  EXPECT_EQ(again.config.task, RunTask::two_frame);
+  EXPECT_EQ(again.config.two_frame.source, MatchSource::previous);
 }
 
 // R9

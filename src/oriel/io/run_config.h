@@ -4,17 +4,22 @@
 #include <vector>
 
 #include "oriel/run/executor.h"
+#include "oriel/run/two_frame_task.h"
 #include "oriel/window/odometry_options.h"
 
 namespace oriel {
 
+// What a recording is run through: the sliding window, or two-frame tasks (run/two_frame_odometry.h).
+enum class RunTask { inertial_odometry, two_frame };
+
 struct RunConfig {
-  std::string task = "inertial_odometry";  // the only one so far
-  std::string engine = "native";           // of the solves
+  RunTask task = RunTask::inertial_odometry;
+  std::string engine = "native";  // of the solves
   ExecutorKind executor = ExecutorKind::in_place;
   Duration time_limit{0};             // of a job [ns]; 0: none
   std::uint64_t memory_limit_mb = 0;  // of a worker's process; 0: none
-  OdometryOptions odometry;
+  OdometryOptions odometry;           // of inertial_odometry
+  TwoFrameOptions two_frame;          // of two_frame
 };
 
 // The config, checked whole: wrong types, numbers out of their range, missing and unknown keys, each an error with file

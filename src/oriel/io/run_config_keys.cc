@@ -5,8 +5,8 @@ namespace {
 
 constexpr double kTiny = 1e-12, kHuge = 1e12;
 
-constexpr Word kTasks{"inertial_odometry", [](const RunConfig&) { return 0; },
-                      [](RunConfig& c, int) { c.task = "inertial_odometry"; }};
+constexpr Word kTasks{"inertial_odometry two_frame", [](const RunConfig& c) { return static_cast<int>(c.task); },
+                      [](RunConfig& c, int i) { c.task = static_cast<RunTask>(i); }};
 constexpr Word kExecutors{"inline thread process", [](const RunConfig& c) { return static_cast<int>(c.executor); },
                           [](RunConfig& c, int i) { c.executor = static_cast<ExecutorKind>(i); }};
 constexpr Word kEngines{"native ceres", [](const RunConfig& c) { return c.engine == "ceres" ? 1 : 0; },
@@ -14,6 +14,15 @@ constexpr Word kEngines{"native ceres", [](const RunConfig& c) { return c.engine
 constexpr Word kLandmarks{"by-cameras inverse-depth point",
                           [](const RunConfig& c) { return static_cast<int>(c.odometry.visual.landmarks); },
                           [](RunConfig& c, int i) { c.odometry.visual.landmarks = static_cast<LandmarkModel>(i); }};
+
+constexpr Word kResiduals{"points pixel disparity stereo",
+                          [](const RunConfig& c) { return static_cast<int>(c.two_frame.residual); },
+                          [](RunConfig& c, int i) { c.two_frame.residual = static_cast<MatchResidual>(i); }};
+constexpr Word kCoordinates{"previous world",
+                            [](const RunConfig& c) { return static_cast<int>(c.two_frame.coordinates); },
+                            [](RunConfig& c, int i) { c.two_frame.coordinates = static_cast<MatchCoordinates>(i); }};
+constexpr Word kSources{"previous map", [](const RunConfig& c) { return static_cast<int>(c.two_frame.source); },
+                        [](RunConfig& c, int i) { c.two_frame.source = static_cast<MatchSource>(i); }};
 
 const ConfigKey kKeys[] = {
     {"", "task", kTasks, "-", "What is run.", true},
@@ -148,6 +157,31 @@ const ConfigKey kKeys[] = {
      "Beyond it no estimate is believed."},
     {"updates", "first_estimates", Flag{[](RunConfig& c) -> bool& { return c.odometry.first_estimates; }}, "-",
      "Jacobians at first estimates where a prior has fixed them."},
+    {"two_frame", "residual", kResiduals, "-",
+     "What is compared: 3D points with the covariances of both sides, left pixels, left pixels and disparities, or the "
+     "pixels of both cameras."},
+    {"two_frame", "coordinates", kCoordinates, "-",
+     "In which the problem is written down: the previous frame's or world; equal results."},
+    {"two_frame", "source", kSources, "-",
+     "What is known of a point: what the previous frame saw, or what all frames before say."},
+    {"two_frame", "robust_start", Flag{[](RunConfig& c) -> bool& { return c.two_frame.robust_start; }}, "-",
+     "Begin where most pixels agree; else at the motion that was."},
+    {"two_frame", "least_observations",
+     Whole{[](RunConfig& c) -> int& { return c.two_frame.least_observations; }, 3, 100000}, "-",
+     "A frame with fewer is not solved, and interpolated in the end."},
+    {"two_frame", "pixel_sigma", Real{[](RunConfig& c) -> double& { return c.two_frame.pixel_sigma; }, kTiny, kHuge},
+     "px", "Noise of a coordinate of a pixel where the recording says none."},
+    {"two_frame", "huber", Real{[](RunConfig& c) -> double& { return c.two_frame.huber; }, kTiny, kHuge}, "sigma",
+     "Scale of Huber's loss."},
+    {"two_frame", "gate", Real{[](RunConfig& c) -> double& { return c.two_frame.gate; }, kTiny, kHuge}, "sigma",
+     "A match that is further off, by the root of its dimension, is left out."},
+    {"two_frame", "rounds", Whole{[](RunConfig& c) -> int& { return c.two_frame.rounds; }, 1, 1000}, "-",
+     "Solves of a frame; covariances and the gate are taken anew before each."},
+    {"two_frame", "max_iterations", Whole{[](RunConfig& c) -> int& { return c.two_frame.max_iterations; }, 1, 10000},
+     "-", "Iterations of a round."},
+    {"two_frame", "greatest_depth_share",
+     Real{[](RunConfig& c) -> double& { return c.two_frame.greatest_depth_share; }, kTiny, kHuge}, "-",
+     "Of a point that is made: sigma of its depth over its depth."},
 };
 
 }  // namespace

@@ -1,0 +1,87 @@
+// oriel track RECORDING
+#include <CLI/App.hpp>
+#include <memory>
+
+#include "apps/arguments.h"
+#include "apps/command.h"
+#include "apps/commands.h"
+#include "apps/track_recording.h"
+
+namespace oriel::apps {
+namespace {
+
+struct TrackArguments {
+  std::string recording, config, executor = "inline", residual = "stereo", coordinates = "previous", source = "map";
+  TrackTargets targets;
+};
+
+template <class E>
+E place_of(const std::string& word, std::initializer_list<const char*> words) {
+  int i = 0;
+  for (const char* w : words) {
+    if (word == w) break;
+    ++i;
+  }
+  return static_cast<E>(i);
+}
+constexpr std::initializer_list<const char*> kResiduals = {"points", "pixel", "disparity", "stereo"};
+constexpr std::initializer_list<const char*> kCoordinates = {"previous", "world"};
+constexpr std::initializer_list<const char*> kSources = {"previous", "map"};
+
+// The config where one is given; then what the command line says beside it.
+RunConfigReading settings(const CLI::App& command, const TrackArguments& a) {
+  RunConfigReading reading;
+  reading.config.task = RunTask::two_frame;
+  if (!a.config.empty()) reading = read_run_config(a.config);
+  RunConfig& c = reading.config;
+  if (reading.errors.empty() && c.task != RunTask::two_frame)
+    reading.errors.push_back(
+        {ErrorCode::bad_input, "expected the task two_frame; oriel run takes the others", a.config});
+  if (reading.errors.empty() && c.engine != "native")
+    reading.errors.push_back({ErrorCode::bad_input, "expected the engine native for the task two_frame", a.config});
+  if (command.count("--executor") > 0) c.executor = *executor_kind(a.executor);
+  if (command.count("--residual") > 0) c.two_frame.residual = place_of<MatchResidual>(a.residual, kResiduals);
+  if (command.count("--coordinates") > 0)
+    c.two_frame.coordinates = place_of<MatchCoordinates>(a.coordinates, kCoordinates);
+  if (command.count("--source") > 0) c.two_frame.source = place_of<MatchSource>(a.source, kSources);
+  return reading;
+}
+
+int run(const CLI::App& command, const TrackArguments& a) {
+  const RunConfigReading reading = settings(command, a);
+  for (const Error& e : reading.errors) refuse(e);
+  if (!reading.errors.empty()) return kBadInput;
+  const Result<int> exit_code = track_and_report(reading.config, a.recording, a.targets);
+  return exit_code ? *exit_code : refuse(exit_code.error());
+}
+
+}  // namespace
+
+void add_track_command(CLI::App& app, int& exit_code) {
+  const auto a = std::make_shared<TrackArguments>();
+  CLI::App* command = app.add_subcommand("track", "Stereo odometry by two-frame tasks: no IMU, no window");
+  command
+      ->add_option(
+          "RECORDING", a->recording,
+          "Folder that `oriel import` made, or one with calib.yaml (stereo tracks) or cam0_sensor.yaml (EuRoC)")
+      ->required();
+  command->add_option("--executor", a->executor, "Where the tasks run: in place, in a thread, in a process")
+      ->check(one_of({"inline", "thread", "process"}))
+      ->capture_default_str();
+  command->add_option("--residual", a->residual, "What is compared")
+      ->check(one_of({kResiduals.begin(), kResiduals.end()}))
+      ->capture_default_str();
+  command->add_option("--coordinates", a->coordinates, "In which a task is written down; equal results")
+      ->check(one_of({kCoordinates.begin(), kCoordinates.end()}))
+      ->capture_default_str();
+  command->add_option("--source", a->source, "What is known of a point: by the previous frame, by all frames")
+      ->check(one_of({kSources.begin(), kSources.end()}))
+      ->capture_default_str();
+  command->add_option("--config", a->config, "Settings (YAML, task: two_frame); `oriel config` prints them all");
+  command->add_option("--json", a->targets.json, "Report as one object; - is standard output");
+  command->add_option("--out", a->targets.out, "Trajectory to write (TUM)");
+  command->add_option("--map", a->targets.map, "Visual map to write: frames, points, observations, covariances");
+  command->callback([a, command, &exit_code] { exit_code = run(*command, *a); });
+}
+
+}  // namespace oriel::apps
