@@ -35,6 +35,13 @@ TEST_F(TrackShared, FlagsAndInterpolatesMostFramesOfTheStarryNight) {
   EXPECT_LE(r["ate_m"].get<double>(), 1.0);
 }
 
+// Against the poses that the example begins from.
+TEST_F(TrackShared, FollowsTheStereoExampleOfGtsam) {
+  const json r = track("gtsam_stereo");
+  EXPECT_EQ(r["frames"]["solved"], 76);
+  EXPECT_LE(r["ate_m"].get<double>(), 0.1);
+}
+
 // R1
 TEST_F(TrackShared, HasTheSameBitsInAProcessOverAWholeDrive) {
   const std::string drive = "kitti_klt/2011_09_26_drive_0009";

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 
@@ -117,9 +118,34 @@ TEST_F(StereoImport, NamesFileAndLineOfWhatIsWrong) {
   put("tracks.csv", "1,0,0,343.5,22.75,335.25\n");
   EXPECT_EQ(fault(), "tracks.csv:1: track row 0: expected 7 columns timestamp_ns,frame,track_id,u0,v0,u1,v1, found 6");
   fs::remove(root_ / "source" / "calib.yaml");
-  EXPECT_NE(fault().find("expected a folder with recording.yaml, calib.yaml (stereo tracks) or cam0_sensor.yaml"),
+  EXPECT_NE(fault().find("expected a folder with recording.yaml, calib.yaml (stereo tracks), cam0_sensor.yaml"),
             std::string::npos);
   EXPECT_FALSE(read_any_recording("/nonexistent"));
+}
+
+TEST_F(StereoImport, ReadsTheStereoExampleOfGtsamByPosesWhateverTheOrderOfItsLines) {
+  fs::remove(root_ / "source" / "calib.yaml");
+  put("VO_calibration00s.txt", "700 710 0.0 600 170 0.5");
+  put("VO_stereo_factors00s.txt", "0 7 322.5 299.5 11 -6 -4 16\n2 7 313 289 7 -6 -3 16\n0 3 1 2 3 4 5 6\n");
+  put("VO_camera_poses00s.txt", "0  1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1\n2  0 0 1 3  0 1 0 2  -1 0 0 1  0 0 0 1\n");
+  const auto r = read_any_recording(source());
+  ASSERT_TRUE(r) << r.error();
+  EXPECT_EQ(r->cameras[1].p_body_camera, (Vec3d{{0.5, 0.0, 0.0}}));
+  ASSERT_EQ(r->frames.size(), 2u);
+  EXPECT_EQ(r->frames[1].time, Time{200'000'000});
+  EXPECT_EQ(r->observations[0].track_id, 3);
+  EXPECT_EQ(r->observations[1].u1, 299.5);
+  EXPECT_EQ(r->observations[1].v1, 11.0);
+  ASSERT_EQ(r->groundtruth.size(), 2u);
+  EXPECT_EQ(r->groundtruth[1].p, (Vec3d{{3.0, 2.0, 1.0}}));
+  EXPECT_NEAR(r->groundtruth[1].qy, std::sqrt(0.5), 1e-12);
+  put("VO_stereo_factors00s.txt", "0 7 322.5 299.5 11 -6 -4\n");
+  EXPECT_EQ(fault(),
+            "VO_stereo_factors00s.txt:1: expected a finite number for the sighting, found the end of the line");
+  put("VO_stereo_factors00s.txt", "0 7 1 2 3 4 5 6\n0 7 1 2 3 4 5 6\n");
+  EXPECT_EQ(fault().find("VO_stereo_factors00s.txt:2: expected each landmark once a pose"), 0u);
+  put("VO_calibration00s.txt", "700 710 0.1 600 170 0.5");
+  EXPECT_EQ(fault().find("VO_calibration00s.txt:1: expected positive focal lengths and baseline, and no skew"), 0u);
 }
 
 }  // namespace

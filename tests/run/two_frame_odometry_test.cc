@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <csignal>
 #include <fstream>
 
@@ -68,6 +69,36 @@ TEST_F(TwoFrameOdometryTest, FollowsAFlightWithGrossErrorsWithinCentimetres) {
   }
   EXPECT_GT(odometry.statistics().inliers, odometry.statistics().matches * 9 / 10);
   EXPECT_LT(odometry.statistics().inliers, odometry.statistics().matches);
+}
+
+// n sightings of a point at about one distance know it √n times better than one; of a point that comes nearer still
+// more.
+TEST_F(TwoFrameOdometryTest, KnowsPointsBetterTheMoreOftenTheyAreSeen) {
+  const VisualMap map = fly(start()).take_map();
+  int often = 0;
+  for (std::uint32_t k = 0; k < map.observations.size(); ++k) {
+    const std::uint32_t point = map.observations.point[k];
+    // The observation that the point was made of.
+    if (point == kNoRow || map.observations.frame[k] != map.points.frame[point] || map.points.sightings[point] < 20)
+      continue;
+    ++often;
+    const auto trace = [](const Mat3d& a) { return a(0, 0) + a(1, 1) + a(2, 2); };
+    EXPECT_LT(trace(map.points.covariance[point]), trace(map.observations.covariance[k]) / 4.0) << point;
+  }
+  EXPECT_GT(often, 20);
+}
+
+// What one frame alone says of points is forgotten with the next: the way drifts.
+TEST_F(TwoFrameOdometryTest, DriftsLessWithThePointsOfAllFramesThanWithThoseOfThePreviousOne) {
+  const auto drift = [&] {
+    const TwoFrameOdometry odometry = fly(start());
+    double sum = 0.0;
+    for (std::uint32_t k = 1; k < 41; ++k) sum += error(odometry.map(), k).squared_norm();
+    return std::sqrt(sum / 40.0);
+  };
+  const double with_all = drift();
+  options_.source = MatchSource::previous;
+  EXPECT_LT(with_all, 0.7 * drift());
 }
 
 // R1

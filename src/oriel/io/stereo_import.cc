@@ -7,6 +7,7 @@
 
 #include "oriel/io/camera_frame.h"
 #include "oriel/io/euroc_import.h"
+#include "oriel/io/gtsam_import.h"
 #include "oriel/io/text.h"
 #include "oriel/io/yaml_fields.h"
 
@@ -96,8 +97,11 @@ Result<Recording> read_any_recording(const std::string& folder) {
   if (fs::exists(root / "recording.yaml", code)) return read_recording(folder);
   if (fs::exists(root / "calib.yaml", code)) return read_stereo_tracks(folder);
   if (fs::exists(root / "cam0_sensor.yaml", code)) return read_euroc(folder);
+  if (fs::exists(root / kGtsamCalibration, code)) return read_gtsam_stereo(folder);
   return Error{ErrorCode::bad_input,
-               "expected a folder with recording.yaml, calib.yaml (stereo tracks) or cam0_sensor.yaml (EuRoC)", folder};
+               "expected a folder with recording.yaml, calib.yaml (stereo tracks), cam0_sensor.yaml (EuRoC) or " +
+                   std::string(kGtsamCalibration),
+               folder};
 }
 
 }  // namespace oriel

@@ -17,7 +17,7 @@ namespace oriel {
 Result<Recording> read_stereo_tracks(const std::string& source_folder);
 
 // A folder of whatever layout is known: a recording (recording.yaml), stereo tracks (calib.yaml), one that derives from
-// EuRoC. None of them: an error that lists these.
+// EuRoC, GTSAM's stereo example (gtsam_import.h). None of them: an error that lists these.
 Result<Recording> read_any_recording(const std::string& folder);
 
 }  // namespace oriel

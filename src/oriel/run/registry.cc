@@ -11,10 +11,12 @@
 #include "oriel/residual/body_velocity.h"
 #include "oriel/residual/gnss.h"
 #include "oriel/residual/imu_residual.h"
+#include "oriel/residual/matched_point.h"
 #include "oriel/residual/noise.h"
 #include "oriel/residual/pose_graph.h"
 #include "oriel/residual/prior.h"
 #include "oriel/residual/range.h"
+#include "oriel/residual/registration.h"
 #include "oriel/residual/reprojection.h"
 #include "oriel/sensor/stereo_rig.h"
 
@@ -52,6 +54,9 @@ TypeList shipped_types() {
   types.factor<StereoPointReprojection<double>, IsotropicNoise>();
   types.factor<MonoPointReprojection<double, 0>, IsotropicNoise>();
   types.factor<MonoPointReprojection<double, 1>, IsotropicNoise>();
+  types.factor<PointToPointd, IsotropicNoise>().factor<PointToPointd, FullNoise<3>>();
+  types.factor<MatchedPixeld, FullNoise<2>>().factor<MatchedDisparityd, FullNoise<3>>();
+  types.factor<MatchedStereod, FullNoise<4>>();
   return types;
 }
 
