@@ -71,6 +71,17 @@ TEST_F(TwoFrameOdometryTest, FollowsAFlightWithGrossErrorsWithinCentimetres) {
   EXPECT_LT(odometry.statistics().inliers, odometry.statistics().matches);
 }
 
+TEST_F(TwoFrameOdometryTest, HasAMapThatTravelsWhole) {
+  const TwoFrameOdometry odometry = fly(start());
+  const Bytes message = bytes(odometry.map());
+  VisualMap back;
+  ASSERT_TRUE(decode(message, back));
+  EXPECT_TRUE(back.check());
+  EXPECT_EQ(back.frames.size(), 41u);
+  EXPECT_GT(back.points.size(), 100u);
+  EXPECT_EQ(bytes(back), message);
+}
+
 // n sightings of a point at about one distance know it √n times better than one; of a point that comes nearer still
 // more.
 TEST_F(TwoFrameOdometryTest, KnowsPointsBetterTheMoreOftenTheyAreSeen) {

@@ -138,9 +138,8 @@ struct Anchors {
 };
 Anchors anchors_of(const std::vector<std::uint32_t>& anchored, std::uint32_t k) {
   const std::size_t n = anchored.size();
-  std::size_t after = 0;
-  while (after < n && anchored[after] < k) ++after;
   if (n == 1) return {anchored[0], kNoRow};
+  const auto after = static_cast<std::size_t>(std::lower_bound(anchored.begin(), anchored.end(), k) - anchored.begin());
   const std::size_t b = std::min(std::max<std::size_t>(after, 1), n - 1);
   return {anchored[b - 1], anchored[b]};
 }
