@@ -79,6 +79,10 @@ class ProcessRunner final : public JobRunner {
     const auto sent = socket_.send(h, parts);
     const auto got =
         sent ? socket_.receive(packet_, options_.time_limit) : Result<PacketSocket::Got>(PacketSocket::Got::gone);
+    if (got && *got == PacketSocket::Got::timeout) {
+      drop_worker();
+      return Error{ErrorCode::io, std::string("a worker of task '") + task_.name + "' did not begin in time"};
+    }
     if (!got || *got != PacketSocket::Got::packet)
       return Error{ErrorCode::io, std::string("a worker of task '") + task_.name + "' " + end_worker()};
     if (packet_.head.value == 0 || may_fail) return {};
@@ -108,7 +112,7 @@ class ProcessRunner final : public JobRunner {
         return arrived(output);
       }
       if (got && *got == PacketSocket::Got::timeout) {
-        end_worker();
+        drop_worker();
         return report(JobStatus::timed_out,
                       "not done after " + std::to_string(options_.time_limit.seconds()) + " s; its process was ended");
       }
@@ -135,6 +139,11 @@ class ProcessRunner final : public JobRunner {
   }
   std::string text_of_answer() const {
     return {reinterpret_cast<const char*>(packet_.parts[2].data()), packet_.parts[2].size()};
+  }
+  void drop_worker() {
+    alive_ = false;
+    socket_.close();
+    options_.zygote->drop(pid_);
   }
   std::string end_worker() {
     if (!alive_) return "has gone";

@@ -12,6 +12,7 @@
 #include <cstring>
 #include <map>
 #include <mutex>
+#include <set>
 
 #include "oriel/run/thread_count.h"
 
@@ -24,6 +25,7 @@ enum class ZygotePacket : std::uint16_t {
   spawned = 2,  // value: pid, or -errno
   end = 3,      // value: pid. Answered by
   ended = 4,    // value: wait status
+  drop = 5,     // value: pid. No answer
 };
 
 PacketHead head_of(ZygotePacket kind, std::int64_t value = 0) {
@@ -95,13 +97,21 @@ class ZygoteServer {
     while (::read(deaths, told.data(), sizeof(told)) > 0) {
     }
     int status = 0;
-    for (pid_t pid; (pid = ::waitpid(-1, &status, WNOHANG)) > 0;) ended_[pid] = status;
+    for (pid_t pid; (pid = ::waitpid(-1, &status, WNOHANG)) > 0;)
+      if (dropped_.erase(pid) == 0) ended_[pid] = status;
   }
   void answer(Packet& packet) {
     if (packet.head.kind == static_cast<std::uint16_t>(ZygotePacket::spawn))
       static_cast<void>(control_.send(head_of(ZygotePacket::spawned, spawn(packet))));
     else if (packet.head.kind == static_cast<std::uint16_t>(ZygotePacket::end))
       static_cast<void>(control_.send(head_of(ZygotePacket::ended, end(static_cast<pid_t>(packet.head.value)))));
+    else if (packet.head.kind == static_cast<std::uint16_t>(ZygotePacket::drop))
+      drop(static_cast<pid_t>(packet.head.value));
+  }
+  void drop(pid_t pid) {
+    if (ended_.erase(pid) > 0) return;
+    ::kill(pid, SIGKILL);
+    dropped_.insert(pid);
   }
   std::int64_t spawn(Packet& packet) {
     std::uint32_t task = 0;
@@ -135,6 +145,7 @@ class ZygoteServer {
   PacketSocket control_;
   std::vector<const TaskOps*> tasks_;
   std::map<pid_t, int> ended_;
+  std::set<pid_t> dropped_;  // killed, and how they ended is nobody's business
 };
 
 std::string text_of_status(int status) {
@@ -221,6 +232,11 @@ std::string Zygote::end(pid_t worker) {
   const auto got = state_->control.receive(answer);
   if (!got || *got != PacketSocket::Got::packet) return "its zygote has gone";
   return text_of_status(static_cast<int>(answer.head.value));
+}
+
+void Zygote::drop(pid_t worker) {
+  const std::lock_guard lock(state_->mutex);
+  static_cast<void>(state_->control.send(head_of(ZygotePacket::drop, worker)));  // a zygote that has gone took it along
 }
 
 void serve_worker(PacketSocket& socket, const TaskOps& task) {

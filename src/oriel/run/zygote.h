@@ -40,6 +40,8 @@ class Zygote {
   Result<Worker> spawn(const TaskOps& task, const WorkerLimits& limits);
   // Ends a worker and waits until it is gone; how it ended, as text: "killed by signal 11 (Segmentation fault)".
   std::string end(pid_t worker);
+  // Ends one that nobody waits for any more: back at once, however long the system takes to have its memory again.
+  void drop(pid_t worker);
 
   pid_t pid() const;
 
