@@ -40,21 +40,64 @@ Result<State> SlidingWindow::begin(ProviderId provider, Time time) {
 
 const WindowUpdate& SlidingWindow::update() {
   begin_report();
+  merge();
   states_.follow(graph());
   drain();
   enter_ready();
   rebuild_batches();
   report_.waiting = static_cast<int>(pending_.size());
   if (graph().version() != seen_version_) {
-    report_.status = WindowUpdate::Status::updated;
-    if (options_.slide_before_solve) slide();
-    const bool solved = solve();
-    if (solved && !options_.slide_before_solve) slide();
-    seen_version_ = graph().version();
-    if (!solved) recover();
+    if (core_.defers())
+      begin_solve();
+    else
+      solve_and_slide();
   }
-  for (WindowListener* listener : listeners_) listener->updated(graph(), states_, report_);
+  tell_updated();
   return report_;
+}
+
+const WindowUpdate& SlidingWindow::settle() {
+  begin_report();
+  merge();
+  report_.waiting = static_cast<int>(pending_.size());
+  tell_updated();
+  return report_;
+}
+
+void SlidingWindow::tell_updated() {
+  for (WindowListener* listener : listeners_) listener->updated(graph(), states_, report_);
+}
+
+void SlidingWindow::solve_and_slide() {
+  report_.status = WindowUpdate::Status::updated;
+  if (options_.slide_before_solve) slide();
+  const bool solved = solve();
+  if (solved && !options_.slide_before_solve) slide();
+  seen_version_ = graph().version();
+  if (!solved) recover();
+}
+
+void SlidingWindow::begin_solve() {
+  if (report_.status == WindowUpdate::Status::nothing_new) report_.status = WindowUpdate::Status::begun;
+  if (options_.slide_before_solve) slide();
+  seen_version_ = graph().version();
+  if (auto ok = core_.begin_solve(options_.solve); !ok) {
+    report_.status = WindowUpdate::Status::solve_failed;
+    report_.error = ok.error();
+  }
+}
+
+// What the update before began; before anything new comes in, so that all states that are there were in that solve.
+void SlidingWindow::merge() {
+  if (!core_.has_begun()) return;
+  const bool edited = graph().version() != seen_version_;  // by the user, since then
+  report_.status = WindowUpdate::Status::updated;
+  report_.solve = core_.finish_solve();
+  states_.follow(graph());
+  const bool solved = conclude_solve();
+  if (solved && !options_.slide_before_solve) slide();
+  if (!edited) seen_version_ = graph().version();
+  if (!solved) recover();
 }
 
 // Keeps the memory of the one before.
@@ -75,6 +118,10 @@ void SlidingWindow::drain() {
 
 bool SlidingWindow::solve() {
   report_.solve = core_.solve(options_.solve);
+  return conclude_solve();
+}
+
+bool SlidingWindow::conclude_solve() {
   if (!report_.solve.failed()) {
     failures_ = 0;
     states_.mark_solved();

@@ -58,6 +58,9 @@ class SlidingWindow {
   PendingFactors& pending() { return pending_; }
   // What it says holds until the next call.
   const WindowUpdate& update();
+  // Waits for the solve that the last update began, and merges it as the next one would; nothing that waits comes in.
+  // For windows that solve beside their caller (WindowCore::use).
+  const WindowUpdate& settle();
   // States and landmarks leave; other static variables stay, with what was known of them alone. Times before `horizon`
   // are too old for the new window.
   void begin_anew(const char* reason, Time horizon);
@@ -94,7 +97,12 @@ class SlidingWindow {
   bool make_wanted();
   Result<void> make_wanted(ProviderId provider, Time time);
 
+  void solve_and_slide();
   bool solve();
+  bool conclude_solve();
+  void begin_solve();
+  void merge();
+  void tell_updated();
   void recover();
   void slide();
   void choose_leaving();

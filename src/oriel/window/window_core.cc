@@ -27,7 +27,8 @@ Result<void> WindowCore::commit() {
 }
 
 void WindowCore::observe(WindowObserver* observer) {
-  check(observer == nullptr || solver_ == nullptr, "a window is not observed while another engine solves it");
+  check(observer == nullptr || (solver_ == nullptr && deferred_ == nullptr),
+        "a window is not observed while another engine solves it");
   observer_ = observer;
 }
 
@@ -37,6 +38,26 @@ Result<void> WindowCore::use(std::unique_ptr<Engine> solver) {
                                           " cannot solve an observed window: a journal replays native solves alone"};
   solver_ = std::move(solver);
   return {};
+}
+
+Result<void> WindowCore::use(std::unique_ptr<DeferredSolver> solver) {
+  if (solver != nullptr && observer_ != nullptr)
+    return Error{ErrorCode::conflict, "the solver " + std::string(solver->name()) +
+                                          " cannot solve an observed window: a journal replays native solves alone"};
+  if (begun_) return Error{ErrorCode::conflict, "a solve was begun and is not finished: settle the window first"};
+  deferred_ = std::move(solver);
+  return {};
+}
+
+Result<void> WindowCore::begin_solve(const SolveOptions& options) {
+  if (auto ok = deferred_->begin(options); !ok) return ok;
+  begun_ = true;
+  return {};
+}
+
+Summary WindowCore::finish_solve() {
+  begun_ = false;
+  return deferred_->finish();
 }
 
 Summary WindowCore::solve(const SolveOptions& options) {

@@ -9,6 +9,7 @@
 #include "oriel/graph/graph.h"
 #include "oriel/linear/aligned_buffer.h"
 #include "oriel/solve/native_engine.h"
+#include "oriel/window/deferred_solver.h"
 #include "oriel/window/marginalize.h"
 
 namespace oriel {
@@ -37,6 +38,13 @@ class WindowCore {
   // Solves go to this engine from now on, made on this graph (followed()); null: to the native one again. What else
   // looks at linear problems stays native: marginalization, covariances, gates. An Error where an observer is.
   Result<void> use(std::unique_ptr<Engine> solver);
+  // Solves are begun and finished apart from now on, by this one, made on this graph; null: no more. An Error where an
+  // observer is, or one that was begun is not finished.
+  Result<void> use(std::unique_ptr<DeferredSolver> solver);
+  bool defers() const { return deferred_ != nullptr; }
+  bool has_begun() const { return begun_; }  // a solve that is not finished
+  Result<void> begin_solve(const SolveOptions& options);
+  Summary finish_solve();
   // For those who subscribe to its changes (Graph::subscribe).
   Graph& followed() { return graph_; }
 
@@ -75,6 +83,8 @@ class WindowCore {
   MarginalScope scope_;
   WindowObserver* observer_ = nullptr;
   std::unique_ptr<Engine> solver_;  // null: the native one
+  std::unique_ptr<DeferredSolver> deferred_;
+  bool begun_ = false;
 };
 
 }  // namespace oriel

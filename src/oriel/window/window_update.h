@@ -42,6 +42,7 @@ struct WindowUpdate {
     updated,       // solved, and slid where the policy said so
     solve_failed,  // values and priors are as before, with what is new; `solve` says why
     slide_failed,  // solved, but nothing has left the window; `error` says why
+    begun,         // what is new is being solved beside the caller, and no solve was merged yet
   };
   Status status = Status::nothing_new;
   const char* reset = "";  // why the window has begun anew in this update; empty where it has not
