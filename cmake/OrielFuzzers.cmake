@@ -8,6 +8,7 @@ endif()
 # which the rooms further to the right do.
 oriel_room_sources(fuzzed_sources base manifold sensor residual graph io)
 list(FILTER fuzzed_sources EXCLUDE REGEX "/io/(journal|replay)\\.cc$")
+list(APPEND fuzzed_sources ${oriel_source_root}/oriel/window/visual_map.cc)
 oriel_library(oriel_fuzzed SOURCES ${fuzzed_sources})
 oriel_uses_private_eigen(oriel_fuzzed)
 target_link_libraries(oriel_fuzzed PUBLIC Threads::Threads PRIVATE yaml-cpp ZLIB::ZLIB BZip2::BZip2)

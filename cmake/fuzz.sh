@@ -19,6 +19,7 @@ seeds() {
                 done
                 cp "$root"/fuzz/seeds/*.g2o "$folder/" ;;
     bal) cp "$root/fuzz/seeds/small.bal" "$folder/" ;;
+    visual_map) cp "$root/fuzz/seeds/small.map" "$folder/" ;;
     packed) gzip -c "$root/fuzz/seeds/small.bal" >"$folder/small.gz"
             bzip2 -c "$root/fuzz/seeds/small.bal" >"$folder/small.bz2" ;;
     tables) for file in imu.csv tracks.csv groundtruth.tum; do

@@ -19,6 +19,7 @@
 #include "oriel/io/problem_text.h"
 #include "oriel/io/recording.h"
 #include "oriel/io/tum.h"
+#include "oriel/io/visual_map_file.h"
 
 namespace oriel::fuzz {
 
@@ -140,6 +141,18 @@ inline void tables(std::string_view bytes) {
   judge(parse_imu_csv(bytes, "f"));
   judge(parse_tracks_csv(bytes, "f", 2));
   judge(parse_groundtruth(bytes, "f"));
+}
+
+inline void visual_map(std::string_view bytes) {
+  const auto map = parse_visual_map(bytes, "f");
+  if (!map) {
+    require(map.error().line > 0, "an error has a line");
+    return require_short_line(map.error());
+  }
+  require(map->check().ok(), "a map fits together");
+  const std::string once = format_visual_map(*map);
+  const auto again = parse_visual_map(once, "again");
+  require(again.ok() && format_visual_map(*again) == once, "what is written reads back to the same bits");
 }
 
 }  // namespace oriel::fuzz

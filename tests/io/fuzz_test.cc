@@ -173,5 +173,11 @@ TEST(ReadersOfProblems, KeepTheirPromisesForSpoiledPackedFiles) {
 
 TEST(ReadersOfTables, KeepTheirPromisesForSpoiledFiles) { spoil_all({kImu, kTum, kTracks}, 20000, fuzz::tables); }
 
+TEST(ReadersOfMaps, KeepTheirPromisesForSpoiledVisualMaps) {
+  const auto seed = read_text_file(std::string(ORIEL_SOURCE_DIR) + "/fuzz/seeds/small.map");
+  ASSERT_TRUE(seed) << seed.error();
+  spoil_all({*seed}, 20000, fuzz::visual_map);
+}
+
 }  // namespace
 }  // namespace oriel

@@ -27,7 +27,7 @@ class Table {
   bool ok() const { return ok_; }
   const Error& error() const { return error_; }
   bool fail(const std::string& message) {
-    if (ok_) error_ = {ErrorCode::bad_input, message, file_name_, scanner_.line()};
+    if (ok_) error_ = {ErrorCode::bad_input, message, file_name_, std::max<std::int64_t>(1, scanner_.line())};
     ok_ = false;
     return false;
   }

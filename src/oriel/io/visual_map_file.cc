@@ -1,5 +1,6 @@
 #include "oriel/io/visual_map_file.h"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -7,9 +8,6 @@
 
 namespace oriel {
 namespace {
-
-template <int N>
-constexpr int kTriangle = N*(N + 1) / 2;
 
 // ---- writing ----
 
@@ -118,7 +116,7 @@ class Reader {
   const Error& error() const { return error_; }
   std::int64_t at() const { return scanner_.line(); }
   void fail(const std::string& message) {
-    if (ok_) error_ = {ErrorCode::bad_input, message, file_name_, scanner_.line()};
+    if (ok_) error_ = {ErrorCode::bad_input, message, file_name_, std::max<std::int64_t>(1, scanner_.line())};
     ok_ = false;
   }
 

@@ -127,13 +127,12 @@ void TwoFrameOdometry::learn(std::uint32_t k) {
   VisualMap& m = visual();
   for (std::uint32_t row = m.frames.first[k]; row < m.observations.size() && m.observations.frame[row] == k; ++row) {
     const std::uint32_t point = point_of(m.observations.track[row]);
-    if (point == kNoRow) {
-      make_point(k, row);
-    } else if (m.observations.inlier[row] != 0) {
+    const bool agrees = m.observations.inlier[row] != 0;
+    if (point != kNoRow && agrees) {
       m.observations.point[row] = point;
       refine_point(k, row, point);
-    } else if (m.points.sightings[point] == 1 && m.observations.has_point(row)) {
-      make_point(k, row);  // two words against each other: the newer one stands
+    } else if (point == kNoRow || m.points.sightings[point] == 1) {
+      make_point(k, row);  // of two words against each other the newer one stands
     }
   }
 }
