@@ -197,6 +197,19 @@ TEST_F(WindowSolverTest, BeginsAtTheEndOfAnUpdateAndMergesAtTheBeginningOfTheNex
   EXPECT_EQ(f.window.settle().status, Status::updated);
 }
 
+TEST_F(WindowSolverTest, SettlesBeforeAStateIsBegunByHand) {
+  FixedFlight f(flight_);
+  Script::Log log;
+  ASSERT_TRUE(f.window.core().use(std::make_unique<Script>(log)));
+  f.fix(flight_, 0);
+  ASSERT_TRUE(f.window.begin(f.body, SimulatedFlight::time_of(0.1)));
+  EXPECT_EQ(log.finished, 1);
+  f.window.update();
+  EXPECT_FALSE(f.window.states().timeline(f.body).latest()->solved);
+  f.window.settle();
+  EXPECT_TRUE(f.window.states().timeline(f.body).latest()->solved);
+}
+
 TEST(Snapshots, ShowReadersOneWholeValueThatStaysWhileTheyLook) {
   Snapshots<std::vector<std::uint64_t>> board(4);
   EXPECT_FALSE(board.read());

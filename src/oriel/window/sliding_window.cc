@@ -25,6 +25,7 @@ void SlidingWindow::set(std::unique_ptr<LateGroups> late) {
 }
 
 Result<State> SlidingWindow::begin(ProviderId provider, Time time) {
+  if (core_.has_begun()) settle();  // the state was in no solve, and what was begun counts for all that are there
   GraphEdit& edit = core_.edit();
   Result<State> state = states_.request(edit, provider, time);
   if (state)
