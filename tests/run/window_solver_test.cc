@@ -84,7 +84,7 @@ class WindowSolverTest : public ::testing::Test {
     options.zygote = &zygote_;
     auto solver = WindowSolver::make(f.window.core().followed(), kind, options, 8);
     EXPECT_TRUE(solver) << solver.error();
-    EXPECT_TRUE(f.window.core().use(std::move(*solver)));
+    EXPECT_TRUE(f.window.core().defer_to(std::move(*solver)));
     Flown out;
     std::mt19937 random(7);
     auto note = [&](const WindowUpdate& u) {
@@ -169,11 +169,11 @@ TEST_F(WindowSolverTest, BeginsAtTheEndOfAnUpdateAndMergesAtTheBeginningOfTheNex
   using Status = WindowUpdate::Status;
   FixedFlight f(flight_);
   Script::Log log;
-  ASSERT_TRUE(f.window.core().use(std::make_unique<Script>(log)));
+  ASSERT_TRUE(f.window.core().defer_to(std::make_unique<Script>(log)));
   EXPECT_EQ(f.fix(flight_, 0).status, Status::begun);
   EXPECT_EQ(log.begun, 1);
   EXPECT_EQ(log.finished, 0);
-  EXPECT_FALSE(f.window.core().use(std::unique_ptr<DeferredSolver>())) << "one is under way";
+  EXPECT_FALSE(f.window.core().defer_to(nullptr)) << "one is under way";
   EXPECT_EQ(f.fix(flight_, 1).status, Status::updated);
   EXPECT_EQ(log.finished, 1);
   EXPECT_EQ(log.begun, 2);
@@ -193,6 +193,8 @@ TEST_F(WindowSolverTest, BeginsAtTheEndOfAnUpdateAndMergesAtTheBeginningOfTheNex
   EXPECT_EQ(f.fix(flight_, 3).status, Status::solve_failed);
   EXPECT_NE(f.window.last_update().error.message.find("no worker"), std::string::npos);
   log.refuses = false;
+  EXPECT_EQ(f.window.update().status, Status::begun) << "what could not be begun is tried again";
+  EXPECT_EQ(f.window.settle().status, Status::updated);
   f.fix(flight_, 4);
   EXPECT_EQ(f.window.settle().status, Status::updated);
 }
@@ -200,7 +202,7 @@ TEST_F(WindowSolverTest, BeginsAtTheEndOfAnUpdateAndMergesAtTheBeginningOfTheNex
 TEST_F(WindowSolverTest, SettlesBeforeAStateIsBegunByHand) {
   FixedFlight f(flight_);
   Script::Log log;
-  ASSERT_TRUE(f.window.core().use(std::make_unique<Script>(log)));
+  ASSERT_TRUE(f.window.core().defer_to(std::make_unique<Script>(log)));
   f.fix(flight_, 0);
   ASSERT_TRUE(f.window.begin(f.body, SimulatedFlight::time_of(0.1)));
   EXPECT_EQ(log.finished, 1);
@@ -260,6 +262,7 @@ TEST_F(WindowSolverTest, PublishesItsPosesForOtherThreads) {
   ASSERT_EQ(now->poses.size(), 3u);
   EXPECT_EQ(now->version, f.window.graph().version());
   EXPECT_EQ(now->poses[2].time, SimulatedFlight::time_of(0.4));
+  EXPECT_TRUE(now->poses[2].solved);
 }
 
 }  // namespace

@@ -39,15 +39,15 @@ class Relaxation final : public Engine {
   }
   Summary solve(const SolveOptions& options) noexcept override {
     if (auto ok = can_solve(*this, graph_, options); !ok) return refused(options, ok.error());
-    const Settled settled = settle(options, false, false);  // what the caller left open
     Summary s;
     s.method = options.method, s.reason = Reason::max_iterations, s.initial_cost = s.final_cost = cost();
     Solution before{graph_.version(), {}};
     for (const VariableKey& id : variables_) before.columns.push_back(column(id));
-    for (; s.reason == Reason::max_iterations && s.iterations < settled.max_iterations; ++s.iterations) {
+    const Settled open = settle(options, false, false);  // what the caller left to the engine
+    for (; s.reason == Reason::max_iterations && s.iterations < open.max_iterations; ++s.iterations) {
       for (const VariableKey& id : variables_)
         if (!graph_.fixed(id) && graph_.find_ops(id.type)->dim > 0) relax(id);
-      const double last = s.final_cost, bound = settled.function_tolerance * last, decrease = last - cost();
+      const double last = s.final_cost, bound = open.function_tolerance * last, decrease = last - cost();
       if (!(decrease > bound)) s.reason = decrease >= -bound ? Reason::function_tolerance : Reason::diverged;
       s.final_cost = last - decrease, s.reason_value = decrease, s.reason_bound = bound;
     }
@@ -55,8 +55,7 @@ class Relaxation final : public Engine {
     return s;
   }
   Result<EngineContents> contents() noexcept override {
-    if (auto ok = sync(); !ok) return ok.error();
-    return contents_of(graph_, variables_, factors_);
+    return (void)sync(), contents_of(graph_, variables_, factors_);
   }
 
  private:

@@ -127,7 +127,7 @@ struct FollowedStructure {
   std::vector<KeptBlock> kept;
   std::vector<const FactorTable*> tables;
   std::vector<std::vector<std::uint32_t>> rows, dense;  // of the build before, by table
-  std::vector<char> by_row, was_by_row;                 // by table: whether rows are ascending in both builds
+  std::vector<char> is_by_row, was_by_row, by_row;      // by table: whether rows are ascending in both builds
   std::vector<std::size_t> same;                        // by table: rows from the first on that are the same factors
   std::vector<Target> before;                           // scratch: targets of rows of the build before
   std::vector<std::int32_t> prior_blocks, new_prior_blocks;

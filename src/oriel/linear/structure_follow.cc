@@ -96,21 +96,26 @@ void LinearStructure::touch(const Target* targets, std::size_t arguments) {
 // factors keep their targets, but at variables that came or ceased at the end (or were fixed there, or freed).
 void LinearStructure::plan_followed(const Graph& graph) {
   FollowedStructure& f = followed_;
-  f.was_by_row.swap(f.by_row);
-  f.by_row.resize(plan_count_);
+  f.was_by_row.swap(f.is_by_row);
+  f.is_by_row.resize(plan_count_), f.by_row.resize(plan_count_);
+  for (std::size_t t = 0; t < plan_count_; ++t) f.is_by_row[t] = plans_[t].slices.empty() && plans_[t].runs.empty();
   if (!f.same_targets) {
-    for (std::size_t t = 0; t < plan_count_; ++t) f.by_row[t] = plans_[t].slices.empty() && plans_[t].runs.empty();
     for (std::size_t t = 0; t < plan_count_; ++t) plan_table(plans_[t], 0);
     return;
   }
   f.changed.clear();
   f.is_changed.assign(std::max(kept_.size(), f.kept.size()), 0);
   for (std::size_t i = f.same_kept; i < f.is_changed.size(); ++i) touch(static_cast<int>(i));
+  // What was tied to a variable that is gone is tied to another one now, even where that has its index: pattern_ is
+  // still that of the build before.
+  for (std::size_t i = f.same_kept; i < f.kept.size(); ++i)
+    for (const int j : pattern_.neighbours(static_cast<int>(i))) touch(j);
   for (std::size_t t = 0; t < plan_count_; ++t) find_changed_rows(t);
   f.elsewhere.clear();
   for (const auto* blocks : {&f.kept, &kept_})
     for (std::size_t i = f.same_kept; i < blocks->size(); ++i)
-      if (const KeptBlock& b = (*blocks)[i]; graph.pools()[b.pool]->slots().is_live(b.dense))
+      if (const KeptBlock& b = (*blocks)[i];
+          b.dense < graph.pools()[b.pool]->extent() && graph.pools()[b.pool]->slots().is_live(b.dense))
         f.elsewhere.push_back(key_of(graph, b));
   auto plan_again = [&](TablePlan& plan, std::size_t r) {
     const std::size_t n = plan.arguments.size();
@@ -156,7 +161,7 @@ void LinearStructure::find_changed_rows(std::size_t t) {
   const std::size_t same = std::min(static_cast<std::size_t>(rows.first - old.begin()),
                                     static_cast<std::size_t>(dense.first - f.dense[t].begin()) / arity);
   f.same[t] = same;
-  f.by_row[t] = plan.slices.empty() && f.was_by_row[t] != 0;
+  f.by_row[t] = f.is_by_row[t] != 0 && f.was_by_row[t] != 0;
   f.before.assign(plan.targets.begin() + static_cast<std::ptrdiff_t>(same * n),
                   plan.targets.begin() + static_cast<std::ptrdiff_t>(old.size() * n));
   plan_table(plan, same);

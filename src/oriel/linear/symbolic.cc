@@ -38,6 +38,7 @@ void Symbolic::analyze(const BlockPattern& pattern, std::span<const int> order) 
   make_spans();
   cut_subtrees();
   place_updates();
+  analyzed_ = {children_.size(), runs_.size(), matrix_runs_.size(), column_rows_.size()};
 }
 
 void Symbolic::set_dimensions(const BlockPattern& pattern, std::span<const int> order) {

@@ -200,6 +200,9 @@ class Symbolic {
   std::vector<int> column_rows_, column_offsets_;  // row blocks of each matrix column, their first row in it
   std::vector<Subtree> subtrees_;
   std::int64_t live_storage_ = 0, live_factor_ = 0;  // [doubles] without holes
+  struct Sizes {
+    std::size_t children = 0, runs = 0, matrix_runs = 0, column_rows = 0;
+  } analyzed_;  // when all was made anew, to which updates add
 
   // Scratch of analyze and update.
   std::vector<int> parent_, head_, next_, stack_, seen_, rows_, super_rows_, super_of_, next_pivot_;

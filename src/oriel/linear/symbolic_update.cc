@@ -20,7 +20,9 @@ bool has_many_holes(std::int64_t all, std::int64_t live) { return all - live > l
 bool Symbolic::update(const BlockPattern& pattern, std::span<const int> order, std::span<const int> changed) {
   const int before = blocks(), after = pattern.blocks();
   if (sequence_.empty() || !is_sparse() || !mark_changed(changed, after)) return false;
-  for (int b = after; b < before; ++b) live_storage_ -= static_cast<std::int64_t>(columns_[b].ld) * dims_[b];
+  for (const int i : marked_)
+    for (const int b : pivots(fronts_[i]))
+      live_storage_ -= static_cast<std::int64_t>(std::exchange(columns_[b].ld, 0)) * dims_[b];
   set_dimensions(pattern, order);
   do {
     kept_changed_ = false;
@@ -50,6 +52,10 @@ bool Symbolic::update(const BlockPattern& pattern, std::span<const int> order, s
 }
 
 bool Symbolic::is_sparse() const {
+  auto has_grown = [](std::size_t now, std::size_t then) { return now > 2 * then + 1024; };
+  if (has_grown(children_.size(), analyzed_.children) || has_grown(runs_.size(), analyzed_.runs) ||
+      has_grown(matrix_runs_.size(), analyzed_.matrix_runs) || has_grown(column_rows_.size(), analyzed_.column_rows))
+    return false;
   return !has_many_holes(factor_size_, live_factor_) && !has_many_holes(storage_size_, live_storage_) &&
          !has_many_holes(static_cast<std::int64_t>(fronts_.size()), static_cast<std::int64_t>(sequence_.size()));
 }

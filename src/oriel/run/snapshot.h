@@ -16,7 +16,8 @@
 #include <utility>
 #include <vector>
 
-#include "oriel/window/pose_recorder.h"
+#include "oriel/manifold/se3.h"
+#include "oriel/window/window_update.h"
 
 namespace oriel {
 
@@ -91,9 +92,13 @@ class Snapshots {
 
 // The poses of a window's states, oldest first, after an update.
 struct WindowPoses {
+  struct Pose {
+    Time time;
+    Pose3d T_world_body;
+    bool solved = false;  // else a prediction: it came since
+  };
   std::uint64_t version = 0;  // of the graph
-  bool solved = false;        // by the last solve; states that came since are predictions
-  std::vector<StampedPose> poses;
+  std::vector<Pose> poses;
 };
 
 // A listener that publishes them: window.listen(&poses), and any thread reads poses.board().
@@ -101,14 +106,14 @@ class WindowPosesBoard final : public WindowListener {
  public:
   explicit WindowPosesBoard(ProviderId provider) : provider_(provider) {}
   const Snapshots<WindowPoses>& board() const { return board_; }
-  void updated(const Graph& graph, const States& states, const WindowUpdate& update) override {
+  void updated(const Graph& graph, const States& states, const WindowUpdate&) override {
     board_.publish([&](WindowPoses& out) {
       out.version = graph.version();
-      out.solved = update.status == WindowUpdate::Status::updated;
       out.poses.clear();
       const int place = states.place_of(provider_, kVariableOps<Pose3d>.key);
       for (const State& s : states.timeline(provider_))
-        if (place >= 0) out.poses.push_back({s.time, graph.value(VariableId<Pose3d>{s.variables[place].key})});
+        if (place >= 0)
+          out.poses.push_back({s.time, graph.value(VariableId<Pose3d>{s.variables[place].key}), s.solved});
     });
   }
 

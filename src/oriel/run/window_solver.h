@@ -1,6 +1,6 @@
 // WindowSolver: the back end of a sliding window in a thread or a child process, while the front end goes on.
 //
-//     window.core().use(WindowSolver::make(window.core().followed(), ExecutorKind::process, options).value());
+//     window.core().defer_to(WindowSolver::make(window.core().followed(), ExecutorKind::process, options).value());
 //     window.update();   // takes in what came, sends it over, and comes back: the front end goes on
 //     window.update();   // first merges what was found and slides, then takes in what came meanwhile
 //     window.settle();   // waits for what is under way, and merges it

@@ -1,5 +1,5 @@
-// What a solve goes by where its caller leaves it to the engine; the same for all engines, so that they can be
-// compared.
+// What a solve goes by where its caller leaves it to the engine; for graphs the same in all engines, so that they can
+// be compared.
 #pragma once
 #include "oriel/graph/graph.h"
 #include "oriel/solve/options.h"

@@ -44,7 +44,7 @@ bool Minimizer::start() {
   pool_ = e_.pool(options_.threads);
   {
     Stage stage(*this, summary_.seconds.structure);
-    if (auto ok = e_.sync(options_); !ok) {
+    if (auto ok = e_.sync(options_, NativeEngine::For::solve); !ok) {
       stop(Reason::refused, 0, 0), summary_.refusal = ok.error().text();
       return false;
     }

@@ -1,5 +1,7 @@
 #include "oriel/solve/native_engine.h"
 
+#include <utility>
+
 #include "oriel/solve/minimizer.h"
 
 namespace oriel {
@@ -19,11 +21,18 @@ EngineCapabilities NativeEngine::capabilities() const noexcept {
   return can;  // not incremental: it is for large graphs without landmarks alone
 }
 
-Result<void> NativeEngine::sync() noexcept {
+SolveOptions NativeEngine::for_question() const {
   SolveOptions options;
   options.linear_solver = structure_solver_;
   options.ordering = structure_ordering_;
-  return sync(options);
+  return options;
+}
+
+Result<void> NativeEngine::sync() noexcept { return sync(for_question(), For::question); }
+
+void NativeEngine::restore(const SolverState& state) {
+  if (!(state.order == state_.order)) structure_version_ = ~std::uint64_t{0}, has_asked_ = false;
+  state_ = state;
 }
 
 double NativeEngine::cost() noexcept {
@@ -34,9 +43,9 @@ double NativeEngine::cost() noexcept {
 }
 
 Result<void> NativeEngine::linearize(bool first_estimates) {
-  SolveOptions options;
+  SolveOptions options = for_question();
   options.linear_solver = LinearSolver::direct;
-  if (auto ok = sync(options); !ok) return ok;
+  if (auto ok = sync(options, For::question); !ok) return ok;
   point_.take(*graph_);
   linearizer_.first_estimates = first_estimates;
   linearizer_.evaluate(*graph_, structure_, point_, nullptr, active_, nullptr);
@@ -62,7 +71,7 @@ bool NativeEngine::is_solved_by(LinearSolver solver) const {
   return solver == structure_solver_ || (chooses && !structure_.is_large());
 }
 
-Result<void> NativeEngine::sync(const SolveOptions& options) {
+Result<void> NativeEngine::sync(const SolveOptions& options, For what) {
   if (structure_version_ != graph_->structure_version() || structure_ordering_ != options.ordering ||
       !is_solved_by(options.linear_solver) || structure_.pool_count() != graph_->pools().size()) {
     FactorOptions factor;
@@ -70,7 +79,11 @@ Result<void> NativeEngine::sync(const SolveOptions& options) {
     factor.ordering =
         options.ordering == OrderingMethod::given ? OrderingMethod::automatic : options.ordering;  // nobody gives one
     structure_version_ = ~std::uint64_t{0};  // half a structure is none
-    if (auto ok = structure_.build(*graph_, factor, state_.order); !ok) return ok;
+    if (what == For::question) asked_ = state_.order;
+    EliminationOrder& order = what == For::question ? asked_ : state_.order;
+    has_asked_ = false;
+    if (auto ok = structure_.build(*graph_, factor, order); !ok) return ok;
+    has_asked_ = what == For::question && !(asked_ == state_.order);
     if (structure_.forms_reduced()) {
       schur_.prepare(structure_);
     } else {
@@ -82,6 +95,8 @@ Result<void> NativeEngine::sync(const SolveOptions& options) {
     structure_solver_ = options.linear_solver;
   }
   restriction_.prepare(*graph_, structure_);
+  // The same graph by the same state has the same order.
+  if (what == For::solve && std::exchange(has_asked_, false)) state_.order = asked_;
   trial_.take(*graph_);  // what does not move stands in both points
   return {};
 }

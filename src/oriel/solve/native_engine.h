@@ -41,7 +41,7 @@ class NativeEngine final : public Engine {
   Result<void> joint_covariance(std::span<const VariableKey> ids, std::vector<double>& out) noexcept override;
 
   const SolverState& state() const { return state_; }
-  void restore(const SolverState& state) { state_ = state; }
+  void restore(const SolverState& state);
   // Forgets everything but the state; the next solve makes it anew, with the same bits.
   void drop_caches();
 
@@ -59,7 +59,10 @@ class NativeEngine final : public Engine {
  private:
   friend class Minimizer;
 
-  Result<void> sync(const SolveOptions& options);
+  // A question between solves leaves the state as it is: who solves the same without asking has the same bits.
+  enum class For { solve, question };
+  Result<void> sync(const SolveOptions& options, For what);
+  SolveOptions for_question() const;
   bool is_solved_by(LinearSolver solver) const;
   Result<void> factor_undamped(VariableKey id) noexcept;
   TaskPool* pool(int threads);
@@ -71,6 +74,8 @@ class NativeEngine final : public Engine {
   // ---- caches and workspaces ----
   LinearStructure structure_;
   std::uint64_t structure_version_ = ~std::uint64_t{0};
+  EliminationOrder asked_;  // the order that a question's structure has, where that is not the state's
+  bool has_asked_ = false;
   OrderingMethod structure_ordering_ = OrderingMethod::automatic;
   LinearSolver structure_solver_ = LinearSolver::automatic;
   Linearizer linearizer_;

@@ -12,7 +12,7 @@ class PoseRecorder final : public WindowListener {
  public:
   explicit PoseRecorder(ProviderId provider) : provider_(provider) {}
 
-  // The newest state after each update, as it was known then.
+  // The newest state that was solved after each update, as it was known then.
   const Trajectory& causal() const { return causal_; }
   // Each state as it was when it left, or as it is now; in the order of time.
   Trajectory final(const Graph& graph, const States& states) const {
@@ -39,7 +39,10 @@ class PoseRecorder final : public WindowListener {
       left_.insert(at, {state.time, *pose});
   }
   void updated(const Graph& graph, const States& states, const WindowUpdate& update) override {
-    const State* newest = states.timeline(provider_).latest();
+    const Timeline<State>& all = states.timeline(provider_);
+    const State* newest = nullptr;
+    for (std::size_t k = all.size(); k-- > 0 && newest == nullptr;)
+      if (all[k].solved) newest = &all[k];
     const bool solved =
         update.status == WindowUpdate::Status::updated || update.status == WindowUpdate::Status::slide_failed;
     if (!solved || newest == nullptr) return;

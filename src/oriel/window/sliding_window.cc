@@ -81,11 +81,12 @@ void SlidingWindow::solve_and_slide() {
 void SlidingWindow::begin_solve() {
   if (report_.status == WindowUpdate::Status::nothing_new) report_.status = WindowUpdate::Status::begun;
   if (options_.slide_before_solve) slide();
-  seen_version_ = graph().version();
   if (auto ok = core_.begin_solve(options_.solve); !ok) {
     report_.status = WindowUpdate::Status::solve_failed;
     report_.error = ok.error();
+    return recover();  // the next update tries again
   }
+  seen_version_ = graph().version();
 }
 
 // What the update before began; before anything new comes in, so that all states that are there were in that solve.

@@ -59,7 +59,7 @@ class SlidingWindow {
   // What it says holds until the next call.
   const WindowUpdate& update();
   // Waits for the solve that the last update began, and merges it as the next one would; nothing that waits comes in.
-  // For windows that solve beside their caller (WindowCore::use).
+  // For windows that solve beside their caller (WindowCore::defer_to).
   const WindowUpdate& settle();
   // States and landmarks leave; other static variables stay, with what was known of them alone. Times before `horizon`
   // are too old for the new window.

@@ -36,14 +36,18 @@ Result<void> WindowCore::use(std::unique_ptr<Engine> solver) {
   if (solver != nullptr && observer_ != nullptr)
     return Error{ErrorCode::conflict, "the engine " + std::string(solver->name()) +
                                           " cannot solve an observed window: a journal replays native solves alone"};
+  if (solver != nullptr && deferred_ != nullptr)
+    return Error{ErrorCode::conflict, "the window's solves are deferred: they cannot go to an engine as well"};
   solver_ = std::move(solver);
   return {};
 }
 
-Result<void> WindowCore::use(std::unique_ptr<DeferredSolver> solver) {
+Result<void> WindowCore::defer_to(std::unique_ptr<DeferredSolver> solver) {
   if (solver != nullptr && observer_ != nullptr)
     return Error{ErrorCode::conflict, "the solver " + std::string(solver->name()) +
                                           " cannot solve an observed window: a journal replays native solves alone"};
+  if (solver != nullptr && solver_ != nullptr)
+    return Error{ErrorCode::conflict, "another engine solves the window: its solves cannot be deferred as well"};
   if (begun_) return Error{ErrorCode::conflict, "a solve was begun and is not finished: settle the window first"};
   deferred_ = std::move(solver);
   return {};

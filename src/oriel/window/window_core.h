@@ -40,7 +40,7 @@ class WindowCore {
   Result<void> use(std::unique_ptr<Engine> solver);
   // Solves are begun and finished apart from now on, by this one, made on this graph; null: no more. An Error where an
   // observer is, or one that was begun is not finished.
-  Result<void> use(std::unique_ptr<DeferredSolver> solver);
+  Result<void> defer_to(std::unique_ptr<DeferredSolver> solver);
   bool defers() const { return deferred_ != nullptr; }
   bool has_begun() const { return begun_; }  // a solve that is not finished
   Result<void> begin_solve(const SolveOptions& options);

@@ -172,7 +172,9 @@ Summary CeresEngine::solve(const SolveOptions& options) noexcept {
     s.initial_cost = s.final_cost = s.fresh_cost = problem_->cost();
     return s;
   }
-  const Settled settled = settle(options, size.has_landmarks, is_regression(*graph_));
+  // Never as a regression: a step that can gain nothing any more, which comes before the last digit, is a failure to
+  // Ceres.
+  const Settled settled = settle(options, size.has_landmarks, false);
   ceres::Solver::Options o = ceres_options(options, settled, size.has_landmarks);
   Reporter reporter(options, began, s);
   o.callbacks.push_back(&reporter);
