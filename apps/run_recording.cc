@@ -11,6 +11,7 @@
 
 #include "apps/command.h"
 #include "apps/engine_choice.h"
+#include "apps/recording_rig.h"
 #include "oriel/base/percentile.h"
 #include "oriel/evaluate/associate.h"
 #include "oriel/evaluate/ate.h"
@@ -25,16 +26,6 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr Duration kMaxStampDifference{10'000'000};  // of an estimate and its truth [ns]
 constexpr std::size_t kMostWarnings = 20;
-
-StereoRigd rig_of(const Recording& recording) {
-  StereoRigd rig;
-  for (std::size_t c = 0; c < recording.cameras.size() && c < 2; ++c) {
-    const RecordedCamera& k = recording.cameras[c];
-    rig.cameras[c] = {RadTanCamerad{k.fx, k.fy, k.cx, k.cy, k.k1, k.k2, k.p1, k.p2},
-                      {Rot3d::from_matrix(k.R_body_camera), k.p_body_camera}};
-  }
-  return rig;
-}
 
 ImuNoise noise_of(const RecordedImuNoise& n) {
   return {n.gyroscope_noise_density, n.accelerometer_noise_density, n.gyroscope_random_walk,

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "apps/command.h"
+#include "apps/recording_rig.h"
 #include "oriel/base/percentile.h"
 #include "oriel/evaluate/associate.h"
 #include "oriel/evaluate/ate.h"
@@ -23,17 +24,6 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr Duration kMaxStampDifference{10'000'000};  // of an estimate and its truth [ns]
 constexpr int kRetries = 3;                          // of a job whose worker died
-
-StereoRigd rig_of(const Recording& recording) {
-  StereoRigd rig;
-  for (std::size_t c = 0; c < 2; ++c) {
-    const RecordedCamera& k = recording.cameras[c];
-    rig.cameras[c].camera = {k.fx, k.fy, k.cx, k.cy, k.k1, k.k2, k.p1, k.p2};
-    rig.cameras[c].R_body_camera = k.R_body_camera;
-    rig.cameras[c].t_body_camera = k.p_body_camera;
-  }
-  return rig;
-}
 
 std::vector<TumPose> tum_of(const MapFrames& frames) {
   std::vector<TumPose> out;

@@ -131,8 +131,9 @@ struct Row {
 
 int run(int variables, int runs) {
   const int change = variables / 100;
-  Row first{"first sync"}, grown{"1 % added at the newest end"}, cut{"1 % removed at the newest end"},
-      anywhere{"1 % of the factors changed anywhere"}, losses{"1 % of the losses set"};
+  Row first{"first sync"}, grown{"1 % added at the newest end"}, again{"the same again"},
+      cut{"1 % removed at the newest end"}, anywhere{"1 % of the factors changed anywhere"},
+      losses{"1 % of the losses set"};
   for (int i = 0; i < runs; ++i) {
     Drive drive;
     drive.random = static_cast<std::uint64_t>(i) + 1;
@@ -143,6 +144,10 @@ int run(int variables, int runs) {
     first.add(measure(drive.graph, structure, elimination, linearizer));
     drive.add_newest(change);
     grown.add(measure(drive.graph, structure, elimination, linearizer));
+    for (int more = 0; more < 3; ++more) {
+      drive.add_newest(change);
+      again.add(measure(drive.graph, structure, elimination, linearizer));
+    }
     drive.remove_newest(change);
     cut.add(measure(drive.graph, structure, elimination, linearizer));
     drive.change_anywhere(2 * change);
@@ -152,7 +157,7 @@ int run(int variables, int runs) {
   }
   std::printf("%d variables, medians of %d runs [ms]\n%-44s %8s %8s %8s %8s %8s   of a first\n", variables, runs, "",
               "sync", "order", "symbolic", "rest", "packing");
-  for (const Row* r : {&first, &grown, &cut, &anywhere, &losses}) r->print(median(first.sync));
+  for (const Row* r : {&first, &grown, &again, &cut, &anywhere, &losses}) r->print(median(first.sync));
   return 0;
 }
 

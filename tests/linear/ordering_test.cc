@@ -150,6 +150,21 @@ TEST(MinimumDegree, PutsABlockThatAllOthersTouchLast) {
   EXPECT_EQ(order.back(), 17);
 }
 
+TEST(MinimumDegree, EliminatesTheNewestOfAChainLastWhereAsked) {
+  BlockPattern pattern;
+  const int n = 400, first_late = 375;
+  pattern.reset(std::vector<int>(n, 3));
+  for (int i = 0; i + 1 < n; ++i) pattern.connect(i * 7 % n, (i + 1) * 7 % n);  // the newest stand all along it
+  pattern.finish();
+  std::vector<int> order;
+  MinimumDegree().order(pattern, order, first_late);
+  expect_permutation(order, n);
+  for (int k = 0; k < n; ++k) EXPECT_EQ(order[k] >= first_late, k >= first_late) << k;
+  MinimumDegree().order(pattern, order);
+  EXPECT_FALSE(std::all_of(order.begin() + first_late, order.end(), [&](int b) { return b >= first_late; }))
+      << "it would have been so unasked";
+}
+
 TEST(NestedDissection, OrdersEachBlockOnceWhereTheBuildHasIt) {
   const BlockPattern pattern = grid(40, 40, 3);
   std::vector<int> order, again;

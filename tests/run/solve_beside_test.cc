@@ -6,12 +6,12 @@
 
 #include <chrono>
 #include <csignal>
-#include <fstream>
 #include <iostream>
 #include <thread>
 
 #include "graph/random_graph.h"
 #include "oriel/graph/fingerprint.h"
+#include "run/worker_of.h"
 
 namespace oriel {
 namespace {
@@ -22,14 +22,6 @@ struct RandomTypes {
 };
 using Beside = SolveBesideWith<RandomTypes>;
 using Clock = std::chrono::steady_clock;
-
-pid_t worker_of(const Zygote& zygote) {
-  std::ifstream children("/proc/" + std::to_string(zygote.pid()) + "/task/" + std::to_string(zygote.pid()) +
-                         "/children");
-  pid_t pid = -1;
-  children >> pid;
-  return pid;
-}
 
 struct History {
   std::vector<std::uint64_t> fingerprints;

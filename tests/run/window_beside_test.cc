@@ -3,13 +3,13 @@
 
 #include <csignal>
 #include <cstdlib>
-#include <fstream>
 #include <iostream>
 #include <random>
 
 #include "oriel/graph/fingerprint.h"
 #include "oriel/run/beside_engine.h"
 #include "oriel/window/inertial_odometry.h"
+#include "run/worker_of.h"
 #include "window/simulated_flight.h"
 
 namespace oriel {
@@ -20,14 +20,6 @@ struct Flown {
   std::vector<std::uint64_t> fingerprints;
   int killed = 0;
 };
-
-pid_t worker_of(const Zygote& zygote) {
-  std::ifstream children("/proc/" + std::to_string(zygote.pid()) + "/task/" + std::to_string(zygote.pid()) +
-                         "/children");
-  pid_t pid = -1;
-  children >> pid;
-  return pid;
-}
 
 // `kill`: of a hundred frames so many lose their worker, before or during the update.
 Flown fly(const SimulatedFlight& flight, ExecutorKind kind, Zygote& zygote, int kill = 0) {

@@ -7,62 +7,23 @@
 
 #include <csignal>
 #include <cstdlib>
-#include <fstream>
 #include <iostream>
 #include <random>
 #include <thread>
 
 #include "oriel/graph/fingerprint.h"
 #include "oriel/run/snapshot.h"
-#include "oriel/window/imu_provider.h"
-#include "oriel/window/sensor_builder.h"
-#include "oriel/window/sliding_window.h"
-#include "window/simulated_flight.h"
+#include "run/worker_of.h"
+#include "window/fixed_flight.h"
 
 namespace oriel {
 namespace {
 
-using PoseFix = SensorBuilder<Prior<Pose3d>, IsotropicNoise>;
-
-// A flight with fixes of its pose five times a second, of which eight stay.
-struct FixedFlight {
-  SlidingWindow window;
-  ImuProvider* imu = nullptr;
-  PoseFix* fixes = nullptr;
-  ProviderId body;
-
-  explicit FixedFlight(const SimulatedFlight& flight) {
-    window.options().solve.max_iterations = 5;
-    auto provider = std::make_unique<ImuProvider>(flight.noise);
-    imu = provider.get();
-    body = window.add(std::move(provider));
-    auto sensor = std::make_unique<PoseFix>("fix", body);
-    fixes = sensor.get();
-    window.add(std::move(sensor));
-    auto lag = std::make_unique<LagPolicy>();
-    EXPECT_TRUE(lag->set({1, 8, {}}).ok());
-    window.set(std::move(lag));
-    ImuStart start;
-    start.T_world_body = flight.pose(0.0);
-    start.bias = flight.bias;
-    imu->start_at(start);
-    for (const ImuSample& s : flight.imu) EXPECT_TRUE(imu->add(s).ok());
-  }
-  const WindowUpdate& fix(const SimulatedFlight& flight, int k) {
-    const double t = 0.2 * k;
-    const Vec6d error = {{0.004 * std::sin(9.0 * k), 0.003 * std::cos(5.0 * k), 0.002, 0.02 * std::sin(7.0 * k), 0.01,
-                          0.02 * std::cos(3.0 * k)}};
-    fixes->add(SimulatedFlight::time_of(t), Prior{flight.pose(t).plus(error)}, Sigma(0.02));
-    return window.update();
-  }
-};
-
-pid_t worker_of(const Zygote& zygote) {
-  std::ifstream children("/proc/" + std::to_string(zygote.pid()) + "/task/" + std::to_string(zygote.pid()) +
-                         "/children");
-  pid_t pid = -1;
-  children >> pid;
-  return pid;
+// Of which eight states stay.
+FixedFlight eight_states(const SimulatedFlight& flight) {
+  WindowOptions options;
+  options.solve.max_iterations = 5;
+  return {flight, 8, options};
 }
 
 bool long_run() { return std::getenv("ORIEL_KILLS") != nullptr; }
@@ -79,7 +40,7 @@ class WindowSolverTest : public ::testing::Test {
   };
   // `kill`: before or while so many of a hundred solves run, their worker is killed.
   Flown fly(ExecutorKind kind, int kill = 0) {
-    FixedFlight f(flight_);
+    FixedFlight f = eight_states(flight_);
     ExecutorOptions options;
     options.zygote = &zygote_;
     auto solver = WindowSolver::make(f.window.core().followed(), kind, options, 8);
@@ -129,7 +90,7 @@ TEST_F(WindowSolverTest, FliesTheSameWayWhileItsWorkersAreKilled) {
 // A state is solved one update later, and leaves one update later; where it ends is the same but for where priors were
 // linearized: a tenth of what a fix is uncertain by is a generous bound.
 TEST_F(WindowSolverTest, EndsWhereAWindowThatWaitsEnds) {
-  FixedFlight waits(flight_);
+  FixedFlight waits = eight_states(flight_);
   for (int k = 0; k < fixes(); ++k) ASSERT_EQ(waits.fix(flight_, k).status, WindowUpdate::Status::updated);
   const Flown beside = fly(ExecutorKind::thread);
   const auto& timeline = waits.window.states().timeline(waits.body);
@@ -167,7 +128,7 @@ class Script final : public DeferredSolver {
 
 TEST_F(WindowSolverTest, BeginsAtTheEndOfAnUpdateAndMergesAtTheBeginningOfTheNext) {
   using Status = WindowUpdate::Status;
-  FixedFlight f(flight_);
+  FixedFlight f = eight_states(flight_);
   Script::Log log;
   ASSERT_TRUE(f.window.core().defer_to(std::make_unique<Script>(log)));
   EXPECT_EQ(f.fix(flight_, 0).status, Status::begun);
@@ -200,7 +161,7 @@ TEST_F(WindowSolverTest, BeginsAtTheEndOfAnUpdateAndMergesAtTheBeginningOfTheNex
 }
 
 TEST_F(WindowSolverTest, SettlesBeforeAStateIsBegunByHand) {
-  FixedFlight f(flight_);
+  FixedFlight f = eight_states(flight_);
   Script::Log log;
   ASSERT_TRUE(f.window.core().defer_to(std::make_unique<Script>(log)));
   f.fix(flight_, 0);
@@ -252,7 +213,7 @@ TEST(Snapshots, AreNotOverwrittenWhileTheyAreHeld) {
 }
 
 TEST_F(WindowSolverTest, PublishesItsPosesForOtherThreads) {
-  FixedFlight f(flight_);
+  FixedFlight f = eight_states(flight_);
   WindowPosesBoard board(f.body);
   f.window.listen(&board);
   for (int k = 0; k < 3; ++k) f.fix(flight_, k);

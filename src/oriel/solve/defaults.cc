@@ -32,7 +32,8 @@ bool is_regression(const Graph& graph) {
       free = &pool->ops();
     }
   }
-  return free != nullptr && free->name.starts_with("vector");
+  // VectorN's own names: "vector3/1".
+  return free != nullptr && free->name.size() == 9 && free->name.starts_with("vector") && free->name.ends_with("/1");
 }
 
 Settled settle(const SolveOptions& options, bool landmarks, bool regression) {
