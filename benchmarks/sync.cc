@@ -12,17 +12,20 @@
 
 #include "oriel/linear/linearize.h"
 #include "oriel/manifold/se2.h"
+#include "oriel/manifold/se3.h"
 #include "oriel/residual/between.h"
 #include "oriel/residual/prior.h"
+#include "oriel/solve/native_engine.h"
 
 namespace oriel::benchmark {
 namespace {
 
 constexpr int kLap = 400;  // poses
 
+template <class Pose = Pose2d>
 struct Drive {
   Graph graph;
-  std::vector<VariableId<Pose2d>> poses;  // live, in the order in which they came
+  std::vector<VariableId<Pose>> poses;  // live, in the order in which they came
   std::uint64_t random = 1;
 
   int below(int n) {
@@ -32,12 +35,12 @@ struct Drive {
   void add_newest(int n) {
     GraphEdit edit = graph.edit();
     for (int i = 0; i < n; ++i) {
-      const auto x = edit.add(Pose2d{});
+      const auto x = edit.add(Pose{});
       const std::size_t at = poses.size();
-      if (at == 0) edit.add(Prior{Pose2d{}}, Sigma(0.1), x);
-      if (at > 0) edit.add(Between{Pose2d{}}, Sigma(0.1), poses.back(), x);
+      if (at == 0) edit.add(Prior{Pose{}}, Sigma(0.1), x);
+      if (at > 0) edit.add(Between{Pose{}}, Sigma(0.1), poses.back(), x);
       if (at > kLap + 5 && below(3) == 0)
-        edit.add(Between{Pose2d{}}, Sigma(0.1), poses[at - kLap - static_cast<std::size_t>(below(5))], x);
+        edit.add(Between{Pose{}}, Sigma(0.1), poses[at - kLap - static_cast<std::size_t>(below(5))], x);
       poses.push_back(x);
     }
     check(graph.apply(edit).ok(), "an edit was refused");
@@ -62,7 +65,7 @@ struct Drive {
   void change_anywhere(int n) {
     GraphEdit edit = graph.edit();
     const auto found = std::find_if(graph.tables().begin(), graph.tables().end(),
-                                    [](const auto& t) { return t->ops().residual == Between<Pose2d>::kName; });
+                                    [](const auto& t) { return t->ops().residual == Between<Pose>::kName; });
     const FactorTable& table = **found;
     std::vector<std::uint32_t> rows;
     for (int i = 0; i < n; ++i) rows.push_back(static_cast<std::uint32_t>(below(static_cast<int>(table.extent()))));
@@ -73,7 +76,7 @@ struct Drive {
         edit.remove(FactorId{table.ops().key, table.slots().key(r)});
     for (int i = 0; i < n / 4; ++i) {
       const std::size_t at = static_cast<std::size_t>(below(static_cast<int>(poses.size()) - kLap));
-      edit.add(Between{Pose2d{}}, Sigma(0.1), poses[at], poses[at + kLap - 3]);
+      edit.add(Between{Pose{}}, Sigma(0.1), poses[at], poses[at + kLap - 3]);
     }
     check(graph.apply(edit).ok(), "an edit was refused");
   }
@@ -86,7 +89,7 @@ double milliseconds(const std::function<void()>& f) {
 }
 
 struct Cost {
-  double sync = 0, order = 0, symbolic = 0, packed = 0;
+  double engine = 0, structure = 0, order = 0, symbolic = 0, packed = 0;
 };
 
 double median(std::vector<double> v) {
@@ -94,12 +97,15 @@ double median(std::vector<double> v) {
   return v[v.size() / 2];
 }
 
-// A sync by `structure`, which followed so far, and its larger stages once more, apart.
-Cost measure(const Graph& graph, LinearStructure& structure, EliminationOrder& elimination, Linearizer& linearizer) {
+// A sync by `engine`, which followed so far; the part of it that builds a structure, by one that followed as well; and
+// of that the larger stages once more, apart.
+Cost measure(const Graph& graph, NativeEngine& engine, LinearStructure& structure, EliminationOrder& elimination,
+             Linearizer& linearizer) {
   Cost c;
+  c.engine = milliseconds([&] { check(engine.sync().ok(), "no sync"); });
   const std::int64_t analyses = structure.factorization().analyses();
   const std::uint64_t made = elimination.made;
-  c.sync = milliseconds([&] { check(structure.build(graph, {}, elimination).ok(), "no structure"); });
+  c.structure = milliseconds([&] { check(structure.build(graph, {}, elimination).ok(), "no structure"); });
   MinimumDegree degree;
   std::vector<int> order;
   degree.order(structure.pattern(), order);
@@ -119,45 +125,49 @@ Cost measure(const Graph& graph, LinearStructure& structure, EliminationOrder& e
 
 struct Row {
   const char* what;
-  std::vector<double> sync{}, order{}, symbolic{}, packed{};
+  std::vector<double> engine{}, structure{}, order{}, symbolic{}, packed{};
   void add(const Cost& c) {
-    sync.push_back(c.sync), order.push_back(c.order), symbolic.push_back(c.symbolic), packed.push_back(c.packed);
+    engine.push_back(c.engine), structure.push_back(c.structure), packed.push_back(c.packed);
+    order.push_back(c.order), symbolic.push_back(c.symbolic);
   }
-  void print(double first) const {
-    std::printf("%-44s %8.2f %8.2f %8.2f %8.2f %8.2f   %5.1f %%\n", what, median(sync), median(order), median(symbolic),
-                median(sync) - median(order) - median(symbolic), median(packed), 100.0 * median(sync) / first);
+  void print(const Row& first) const {
+    std::printf("%-44s %8.2f %8.2f %8.2f %8.2f %8.2f   %5.1f %%   %5.1f %%\n", what, median(engine), median(structure),
+                median(order), median(symbolic), median(packed), 100.0 * median(engine) / median(first.engine),
+                100.0 * median(structure) / median(first.structure));
   }
 };
 
+template <class Pose>
 int run(int variables, int runs) {
   const int change = variables / 100;
   Row first{"first sync"}, grown{"1 % added at the newest end"}, again{"the same again"},
       cut{"1 % removed at the newest end"}, anywhere{"1 % of the factors changed anywhere"},
       losses{"1 % of the losses set"};
   for (int i = 0; i < runs; ++i) {
-    Drive drive;
+    Drive<Pose> drive;
     drive.random = static_cast<std::uint64_t>(i) + 1;
     drive.add_newest(variables);
+    NativeEngine engine(drive.graph);
     LinearStructure structure;
     EliminationOrder elimination;
     Linearizer linearizer;
-    first.add(measure(drive.graph, structure, elimination, linearizer));
+    first.add(measure(drive.graph, engine, structure, elimination, linearizer));
     drive.add_newest(change);
-    grown.add(measure(drive.graph, structure, elimination, linearizer));
+    grown.add(measure(drive.graph, engine, structure, elimination, linearizer));
     for (int more = 0; more < 3; ++more) {
       drive.add_newest(change);
-      again.add(measure(drive.graph, structure, elimination, linearizer));
+      again.add(measure(drive.graph, engine, structure, elimination, linearizer));
     }
     drive.remove_newest(change);
-    cut.add(measure(drive.graph, structure, elimination, linearizer));
+    cut.add(measure(drive.graph, engine, structure, elimination, linearizer));
     drive.change_anywhere(2 * change);
-    anywhere.add(measure(drive.graph, structure, elimination, linearizer));
+    anywhere.add(measure(drive.graph, engine, structure, elimination, linearizer));
     drive.set_losses(i);
-    losses.add(measure(drive.graph, structure, elimination, linearizer));
+    losses.add(measure(drive.graph, engine, structure, elimination, linearizer));
   }
-  std::printf("%d variables, medians of %d runs [ms]\n%-44s %8s %8s %8s %8s %8s   of a first\n", variables, runs, "",
-              "sync", "order", "symbolic", "rest", "packing");
-  for (const Row* r : {&first, &grown, &again, &cut, &anywhere, &losses}) r->print(median(first.sync));
+  std::printf("%d variables, medians of %d runs [ms]\n%-44s %8s %8s %8s %8s %8s   of a first sync, structure\n",
+              variables, runs, "", "sync", "struct.", "order", "symbolic", "packing");
+  for (const Row* r : {&first, &grown, &again, &cut, &anywhere, &losses}) r->print(first);
   return 0;
 }
 
@@ -166,13 +176,16 @@ int run(int variables, int runs) {
 
 int main(int argc, char** argv) {
   int variables = 100000, runs = 5;
+  bool in_space = false;
   for (int i = 1; i + 1 < argc; i += 2) {
     if (std::strcmp(argv[i], "--variables") == 0) variables = std::atoi(argv[i + 1]);
     if (std::strcmp(argv[i], "--runs") == 0) runs = std::atoi(argv[i + 1]);
+    if (std::strcmp(argv[i], "--poses") == 0) in_space = std::strcmp(argv[i + 1], "se3") == 0;
   }
   if (argc % 2 == 0 || variables < 1000 || runs < 1) {
-    std::fprintf(stderr, "sync [--variables N (at least 1000)] [--runs N]\n");
+    std::fprintf(stderr, "sync [--variables N (at least 1000)] [--runs N] [--poses se2|se3]\n");
     return 2;
   }
-  return oriel::benchmark::run(variables, runs);
+  return in_space ? oriel::benchmark::run<oriel::Pose3d>(variables, runs)
+                  : oriel::benchmark::run<oriel::Pose2d>(variables, runs);
 }

@@ -169,6 +169,111 @@ TEST(StructureFollow, HasTheBitsOfOneThatIsBuiltAnewWithRowsInSlices) {
   EXPECT_GT(f.updates, 8);
 }
 
+// What changes near the newest end alone, so that the rest is not even looked at: variables of two types come, go
+// from between others, are fixed and freed; now and then their columns are compacted, and what is fixed moves as well.
+class Churn {
+ public:
+  explicit Churn(unsigned seed) : random_(seed) {
+    GraphEdit edit = graph_.edit();
+    for (int i = 0; i < 250; ++i) come(edit);
+    EXPECT_TRUE(graph_.apply(edit));
+  }
+  const Graph& graph() const { return graph_; }
+  void step() {
+    apply([this](GraphEdit& edit) {
+      for (int n = below(8); n > 0; --n) come(edit);
+    });
+    apply([this](GraphEdit& edit) {
+      for (int n = below(6); n > 0 && flat_.size() > 200; --n) go(edit, flat_);
+      for (int n = below(3); n > 0 && deep_.size() > 60; --n) go(edit, deep_);
+    });
+    apply([this](GraphEdit& edit) { change(edit); });
+  }
+
+ private:
+  void apply(auto fill) {
+    GraphEdit edit = graph_.edit();
+    fill(edit);
+    EXPECT_TRUE(graph_.apply(edit));
+  }
+  void change(GraphEdit& edit) {
+    if (below(3) != 0) edit.fix(flat_[newest(flat_, 25)], below(2) == 0);
+    if (below(6) == 0) edit.fix(deep_[newest(deep_, 8)], below(2) == 0);
+    // To what is far back, and a row of few.
+    if (below(3) == 0) edit.add(Between<Pose2d>{}, Sigma(0.3), flat_[at(flat_)], flat_[newest(flat_, 9)]);
+    if (below(4) == 0) edit.add(Between<Pose2d>{}, DiagonalNoise<3>{}, flat_[at(flat_)], flat_[newest(flat_, 9)]);
+  }
+  int below(std::size_t n) { return static_cast<int>(random_() % n); }
+  std::size_t at(const auto& all) { return static_cast<std::size_t>(below(all.size())); }
+  std::size_t newest(const auto& all, int n) {
+    return all.size() - 1 - static_cast<std::size_t>(below(static_cast<std::size_t>(n)));
+  }
+  template <class Pose>
+  void come(GraphEdit& edit, std::vector<VariableId<Pose>>& all) {
+    all.push_back(edit.add(Pose{}));
+    edit.add(Prior{Pose{}}, Sigma(3.0), all.back());  // that nothing is undetermined whoever goes
+    if (all.size() > 1) edit.add(Between<Pose>{}, Sigma(0.3), all[all.size() - 2], all.back());
+    if (all.size() > 12 && below(3) == 0) edit.add(Between<Pose>{}, Sigma(0.3), all[newest(all, 12)], all.back());
+  }
+  void come(GraphEdit& edit) {
+    come(edit, flat_);
+    if (below(3) == 0) come(edit, deep_);
+  }
+  void go(GraphEdit& edit, auto& all) {
+    const std::size_t which = newest(all, below(6) == 0 ? 14 : 1);
+    edit.remove(all[which]);
+    all.erase(all.begin() + static_cast<std::ptrdiff_t>(which));
+  }
+
+  std::mt19937 random_;
+  Graph graph_;
+  std::vector<VariableId<Pose2d>> flat_;
+  std::vector<VariableId<Pose3d>> deep_;
+};
+
+// L10
+TEST(StructureFollow, HasTheBitsOfOneThatIsBuiltAnewWhereTheNewestEndAloneIsLookedAt) {
+  std::int64_t updates = 0, compactions = 0;
+  for (int seed = 1; seed <= longer(4) && !HasFailure(); ++seed) {
+    Churn churn(static_cast<unsigned>(seed));
+    LinearStructure kept;
+    EliminationOrder order;
+    std::uint32_t extent = 0;
+    for (int k = 0; k < 150 && !HasFailure(); ++k) {
+      EliminationOrder same = order;
+      LinearStructure fresh;
+      ASSERT_TRUE(kept.build(churn.graph(), counts_as_large(), order));
+      ASSERT_TRUE(fresh.build(churn.graph(), counts_as_large(), same));
+      ASSERT_EQ(order, same) << seed << " " << k;
+      ASSERT_EQ(step_of(churn.graph(), kept), step_of(churn.graph(), fresh)) << seed << " " << k;
+      const std::uint32_t now = churn.graph().pools()[0]->extent();
+      compactions += now < extent;
+      extent = now;
+      churn.step();
+    }
+    updates += kept.factorization().updates();
+  }
+  EXPECT_GT(updates, longer(4) * 30) << "what follows often begins anew";
+  EXPECT_GT(compactions, longer(4)) << "no column was compacted";
+}
+
+// A graph in the place of another, with tables and columns that may stand where its own stood.
+TEST(StructureFollow, TellsAGraphFromAnotherInItsPlace) {
+  LinearStructure kept;
+  EliminationOrder order;
+  for (int k = 0; k < 6; ++k) {
+    Drive<Pose2d> drive(k % 2 == 0 ? 1u : 2u);
+    GraphEdit edit = drive.graph.edit();
+    drive.grow(edit, 60 + k / 2);
+    ASSERT_TRUE(drive.graph.apply(edit));
+    EliminationOrder same = order;
+    LinearStructure fresh;
+    ASSERT_TRUE(kept.build(drive.graph, counts_as_large(), order));
+    ASSERT_TRUE(fresh.build(drive.graph, counts_as_large(), same));
+    ASSERT_EQ(step_of(drive.graph, kept), step_of(drive.graph, fresh)) << k;
+  }
+}
+
 // The newest has the index of another, and the rows of both name the same indices.
 TEST(StructureFollow, TellsAVariableFromAnotherInItsPlace) {
   for (const unsigned seed : {1u, 2u, 3u, 4u, 5u}) {

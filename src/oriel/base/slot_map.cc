@@ -46,6 +46,7 @@ bool SlotIndex::erase(SlotKey k) {
   const std::uint32_t d = find(k);
   if (d == kNone) return false;
   slot_of_[d] = kNone;
+  changes_.note(d);
   Slot& s = slots_[k.index];
   s.dense = kNone;
   free_.push_back({k.index, (s.lent > s.generation ? s.lent : s.generation) + 1});
@@ -68,6 +69,7 @@ void SlotIndex::forget_used_up() {
 }
 
 void SlotIndex::truncate(std::uint32_t extent) {
+  changes_.note(extent);  // what comes next stands where a hole was
   slot_of_.resize(extent);
   serial_.resize(extent);
 }

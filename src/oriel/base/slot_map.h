@@ -4,10 +4,12 @@
 // in the order of insertion, which is the order of serials; an erased value leaves a hole, and when more than a quarter
 // are holes the rest moves together, in order (no swap with the last: the order is what makes two runs alike).
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <utility>
 #include <vector>
 
+#include "oriel/base/change_mark.h"
 #include "oriel/base/check.h"
 
 namespace oriel {
@@ -90,14 +92,25 @@ class SlotIndex {
   // False for a key that does not resolve.
   bool erase(SlotKey k);
 
+  // The first dense position behind a serial, which need not be there.
+  std::uint32_t first_after(std::uint64_t serial) const {
+    return static_cast<std::uint32_t>(std::upper_bound(serial_.begin(), serial_.end(), serial) - serial_.begin());
+  }
+  // Since when the columns' beginning stands as it does: what stands below changes().same_since(then) has had its place
+  // and its key since, what stood there. What comes is behind the extent of then, and is not noted.
+  const ChangeMark& changes() const { return changes_; }
+  // Another column's change, that whoever follows has to hear of.
+  void note_change(std::uint32_t dense) { changes_.note(dense); }
+
   bool wants_compaction() const { return (extent() - live_) * 4 > extent(); }
   // Closes the holes in order: move(from, to) for each value that changes its place, then resize(live).
   template <class Move, class Resize>
   void compact(Move&& move, Resize&& resize) {
-    std::uint32_t to = 0;
+    std::uint32_t to = 0, first_moved = kNone;
     for (std::uint32_t from = 0; from < extent(); ++from) {
       if (!is_live(from)) continue;
       if (from != to) {
+        if (to < first_moved) changes_.note(first_moved = to);
         slot_of_[to] = slot_of_[from];
         serial_[to] = serial_[from];
         slots_[slot_of_[to]].dense = to;
@@ -127,6 +140,7 @@ class SlotIndex {
   std::vector<SlotKey> free_;
   std::uint64_t last_serial_ = 0;
   std::uint32_t live_ = 0, next_ = 0;
+  ChangeMark changes_;
 };
 
 // Keys and values of one type.

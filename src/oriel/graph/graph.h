@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "oriel/base/identity.h"
 #include "oriel/base/owned.h"
 #include "oriel/base/result.h"
 #include "oriel/graph/change_log.h"
@@ -115,6 +116,9 @@ class Graph {
   void bound_log(const ChangeLog::Bound& bound) { log_.set_bound(bound); }
 
   // ---- what engines and reports read ----
+  // For those who compare what they have seen with what there is (SlotIndex::changes): that it was this graph. Moves
+  // with the graph.
+  const Identity& identity() const { return identity_; }
   const std::vector<Owned<VariablePool>>& pools() const { return pools_; }
   const std::vector<Owned<FactorTable>>& tables() const { return tables_; }
   const PriorTable& priors() const { return priors_; }
@@ -143,6 +147,7 @@ class Graph {
   void collect_losses(std::uint64_t seen, GraphEdit& out) const;
   VariablePool* pool_of(std::uint64_t type) { return const_cast<VariablePool*>(find_pool(type)); }
 
+  Identity identity_ = Identity::make();
   std::vector<Owned<VariablePool>> pools_;
   std::vector<Owned<FactorTable>> tables_;
   PriorTable priors_;

@@ -52,6 +52,7 @@ class VariablePool {
   void set_fixed(std::uint32_t dense, bool fixed, std::uint64_t version) {
     fixed_[dense] = fixed;
     versions_[dense].fixed = version;
+    slots_.note_change(dense);
   }
   void set_freedom(std::uint32_t dense, const Freedom& freedom, std::uint64_t version);
   void set_first_estimate(std::uint32_t dense, const void* value, std::uint64_t version);

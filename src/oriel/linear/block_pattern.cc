@@ -2,16 +2,20 @@
 
 #include <algorithm>
 
+#include "oriel/linear/resize.h"
+
 namespace oriel {
 
 void BlockPattern::reset(std::span<const int> dims) {
-  dims_.assign(dims.begin(), dims.end());
-  offsets_.resize(dims.size() + 1);
+  resize_with_room(dims_, dims.size());
+  std::copy(dims.begin(), dims.end(), dims_.begin());
+  resize_with_room(offsets_, dims.size() + 1);
   offsets_[0] = 0;
   for (std::size_t i = 0; i < dims.size(); ++i) offsets_[i + 1] = offsets_[i] + dims[i];
   pairs_.clear();
   neighbours_.clear();
-  begin_.assign(dims.size() + 1, 0);
+  resize_with_room(begin_, dims.size() + 1);
+  std::fill(begin_.begin(), begin_.end(), 0);
 }
 
 void BlockPattern::connect(int i, int j) {
@@ -71,18 +75,19 @@ void BlockPattern::bucket_by_first() {
         last_seen_[i] = j, ++begin_[i + 1];
     }
   for (int i = 0; i < n; ++i) begin_[i + 1] += begin_[i];
-  neighbours_.resize(begin_[n]);
+  resize_with_room(neighbours_, static_cast<std::size_t>(begin_[n]));
   last_seen_.assign(begin_.begin(), begin_.begin() + n);
   for (int j = 0; j < n; ++j)
     for (int k = bucket_begin_[j]; k < bucket_begin_[j + 1]; ++k)
       if (const int i = bucketed_[k]; i >= 0) neighbours_[last_seen_[i]++] = j;
 }
 
-void BlockPattern::begin_change(std::span<const int> dims) {
-  dims_.assign(dims.begin(), dims.end());
-  offsets_.resize(dims.size() + 1);
-  offsets_[0] = 0;
-  for (std::size_t i = 0; i < dims.size(); ++i) offsets_[i + 1] = offsets_[i] + dims[i];
+void BlockPattern::begin_change(int from, std::span<const int> dims) {
+  const auto first = static_cast<std::size_t>(from);
+  dims_.resize(first);
+  dims_.insert(dims_.end(), dims.begin(), dims.end());
+  offsets_.resize(dims_.size() + 1);
+  for (std::size_t i = first; i < dims_.size(); ++i) offsets_[i + 1] = offsets_[i] + dims_[i];
   pairs_.clear();
 }
 
@@ -91,12 +96,17 @@ void BlockPattern::finish_change(std::span<const char> is_changed) {
   for (std::size_t k = 0; k < connected; ++k) pairs_.emplace_back(pairs_[k].second, pairs_[k].first);
   std::sort(pairs_.begin(), pairs_.end());
   pairs_.erase(std::unique(pairs_.begin(), pairs_.end()), pairs_.end());
-  bucket_begin_.swap(begin_);
-  bucketed_.swap(neighbours_);
+  // What stands before the first that is changed stays where it is; the lists behind are copied out of the way.
+  const int first = static_cast<int>(std::find_if(is_changed.begin(), is_changed.end(), [](char c) { return c != 0; }) -
+                                     is_changed.begin());
+  if (first >= static_cast<int>(begin_.size())) return;
+  const int kept = begin_[first];
+  bucket_begin_.assign(begin_.begin() + first, begin_.end());
+  bucketed_.assign(neighbours_.begin() + kept, neighbours_.end());
   begin_.resize(dims_.size() + 1);
-  neighbours_.clear();
+  neighbours_.resize(static_cast<std::size_t>(kept));
   std::size_t pair = 0;
-  for (int i = 0; i < blocks();) {
+  for (int i = first; i < blocks();) {
     if (is_changed[i] != 0) {
       begin_[i] = static_cast<int>(neighbours_.size());
       while (pair < pairs_.size() && pairs_[pair].first < i) ++pair;
@@ -106,9 +116,10 @@ void BlockPattern::finish_change(std::span<const char> is_changed) {
     }
     int end = i;  // what stays side by side is copied as one
     while (end < blocks() && is_changed[end] == 0) ++end;
-    const int shift = static_cast<int>(neighbours_.size()) - bucket_begin_[i];
-    for (int k = i; k < end; ++k) begin_[k] = bucket_begin_[k] + shift;
-    neighbours_.insert(neighbours_.end(), bucketed_.begin() + bucket_begin_[i], bucketed_.begin() + bucket_begin_[end]);
+    const int shift = static_cast<int>(neighbours_.size()) - bucket_begin_[i - first];
+    for (int k = i; k < end; ++k) begin_[k] = bucket_begin_[k - first] + shift;
+    neighbours_.insert(neighbours_.end(), bucketed_.begin() + (bucket_begin_[i - first] - kept),
+                       bucketed_.begin() + (bucket_begin_[end - first] - kept));
     i = end;
   }
   begin_[dims_.size()] = static_cast<int>(neighbours_.size());

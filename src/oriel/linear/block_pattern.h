@@ -20,10 +20,11 @@ class BlockPattern {
   // Sorts what was connected into neighbour lists, without duplicates, in time linear in the number of pairs.
   void finish();
 
-  // Begins a change of a finished pattern: blocks may be gone from its end, or new there, and those that
-  // `is_changed` have from now on the neighbours that are connected until `finish_change`; both ends of what is new or
-  // gone are among them. Pairs neither of which is changed need not be connected again.
-  void begin_change(std::span<const int> dims);
+  // Begins a change of a finished pattern: from block `from` on the dimensions are these. Blocks may be gone from its
+  // end, or new there, and those that `is_changed` have from now on the neighbours that are connected until
+  // `finish_change`; both ends of what is new or gone are among them. Pairs neither of which is changed need not be
+  // connected again.
+  void begin_change(int from, std::span<const int> dims);
   void finish_change(std::span<const char> is_changed);
 
   int blocks() const { return static_cast<int>(dims_.size()); }

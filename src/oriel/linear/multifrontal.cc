@@ -198,7 +198,7 @@ void Multifrontal::copy_pivots(const Front& f, const double* h, const double* da
 
 double* Multifrontal::update_of(int front, int worker) {
   const Front& f = symbolic_.fronts()[front];
-  const bool shared = f.task < 0 || symbolic_.fronts_of(symbolic_.subtrees()[f.task]).back() == front;
+  const bool shared = f.task < 0 || f.task == front;
   return (shared ? shared_arena_.data() : task_arenas_[worker].data()) + f.update_offset;
 }
 

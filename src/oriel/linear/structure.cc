@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "oriel/linear/resize.h"
+
 namespace oriel {
 namespace {
 
@@ -11,8 +13,8 @@ constexpr std::size_t kManyKept = 500, kFewLandmarks = 4;  // kept variables, an
 
 Result<void> LinearStructure::build(const Graph& graph, const FactorOptions& options, EliminationOrder& order) {
   ++version_;
-  remember();
   order_types(graph);
+  find_cuts(graph);
   number_variables(graph);
   demote_landmarks(graph);
   demote_few_landmarks();
@@ -28,7 +30,7 @@ Result<void> LinearStructure::build(const Graph& graph, const FactorOptions& opt
   place_pairs(graph);
   place_slices();
   place_landmark_pairs();
-  followed_.is_ready = followed_.is_large;
+  note_seen(graph);
   return {};
 }
 
@@ -54,12 +56,16 @@ void LinearStructure::number_variables(const Graph& graph) {
   const auto& pools = graph.pools();
   targets_.resize(pools.size());
   offsets_.resize(pools.size());
+  has_landmark_types_ = false;
   for (std::size_t p = 0; p < pools.size(); ++p) {
     const VariablePool& pool = *pools[p];
-    targets_[p].assign(pool.extent(), {});
-    offsets_[p].assign(pool.extent(), -1);
+    const std::uint32_t from = followed_.pool_cut[p];
+    targets_[p].resize(from), resize_with_room(targets_[p], pool.extent());
+    offsets_[p].resize(from), resize_with_room(offsets_[p], pool.extent());
+    std::fill(offsets_[p].begin() + from, offsets_[p].end(), -1);
     if (pool.ops().dim == 0) continue;
-    for (std::uint32_t d = 0; d < pool.extent(); ++d)
+    has_landmark_types_ = has_landmark_types_ || (pool.ops().landmark && pool.slots().size() > 0);
+    for (std::uint32_t d = from; d < pool.extent(); ++d)
       if (pool.slots().is_live(d) && !pool.fixed(d))
         targets_[p][d].kind = pool.ops().landmark ? Target::Kind::landmark : Target::Kind::kept;
   }
@@ -67,6 +73,7 @@ void LinearStructure::number_variables(const Graph& graph) {
 
 // Of two landmarks in one factor the second is kept, and so is each that a prior touches.
 void LinearStructure::demote_landmarks(const Graph& graph) {
+  if (!has_landmark_types_) return;
   const PriorTable& priors = graph.priors();
   for (std::uint32_t r = 0; r < priors.extent(); ++r) {
     if (!priors.slots().is_live(r)) continue;
@@ -96,6 +103,7 @@ void LinearStructure::demote_landmarks(const Graph& graph) {
 // Few landmarks among very many other variables, as trees along a drive: each is seen from so many poses that to
 // eliminate it first would tie all of these together. The ordering finds a better place for them.
 void LinearStructure::demote_few_landmarks() {
+  if (!has_landmark_types_) return;
   std::size_t kept = 0, landmarks = 0;
   for (const auto& pool : targets_)
     for (const Target& t : pool) kept += t.kind == Target::Kind::kept, landmarks += t.kind == Target::Kind::landmark;
@@ -115,14 +123,7 @@ void LinearStructure::collect_rows(const Graph& graph) {
     const FactorTable& table = *tables[table_order_[i]];
     plan.table = &table;
     plan.arguments.clear();
-    plan.rows.resize(table.slots().size());
-    plan.dense.resize(plan.rows.size() * static_cast<std::size_t>(table.arity()));
-    std::uint32_t *row = plan.rows.data(), *dense = plan.dense.data();
-    for (std::uint32_t r = 0; r < table.extent(); ++r) {
-      if (!table.slots().is_live(r)) continue;
-      *row++ = r;
-      for (const VariableRef& ref : table.variables(r)) *dense++ = graph.pools()[ref.pool]->slots().dense(ref.slot);
-    }
+    collect_rows(graph, plan, followed_.row_cut[i]);
     row_count_ += plan.rows.size();
     int column = 0;
     const auto refs = table.variables(plan.rows.front());
@@ -131,6 +132,20 @@ void LinearStructure::collect_rows(const Graph& graph) {
       if (ops.dim > 0) plan.arguments.push_back({k, ops.dim, column, refs[k].pool, ops.landmark});
       column += ops.dim;
     }
+  }
+}
+
+void LinearStructure::collect_rows(const Graph& graph, TablePlan& plan, std::size_t from) {
+  const FactorTable& table = *plan.table;
+  const auto arity = static_cast<std::size_t>(table.arity());
+  const std::uint32_t first = from == 0 ? 0 : plan.rows[from - 1] + 1;
+  resize_with_room(plan.rows, table.slots().size());
+  resize_with_room(plan.dense, plan.rows.size() * arity);
+  std::uint32_t *row = plan.rows.data() + from, *dense = plan.dense.data() + from * arity;
+  for (std::uint32_t r = first; r < table.extent(); ++r) {
+    if (!table.slots().is_live(r)) continue;
+    *row++ = r;
+    for (const VariableRef& ref : table.variables(r)) *dense++ = graph.pools()[ref.pool]->slots().dense(ref.slot);
   }
 }
 
@@ -152,35 +167,8 @@ void LinearStructure::number_kept(const Graph& graph) {
         targets_[a.pool][plan.dense[r * arity + a.arg]].index = 0;  // marks it as seen
     }
   }
-  kept_.clear();
-  landmarks_.clear();
-  for (const std::uint32_t p : pool_order_) {
-    const VariablePool& pool = *graph.pools()[p];
-    for (std::uint32_t d = 0; d < pool.extent(); ++d) {
-      const Target& t = targets_[p][d];
-      if (t.kind == Target::Kind::kept) kept_.push_back({pool.ops().dim, 0, p, d, t.index == 0});
-      if (t.kind == Target::Kind::landmark) {
-        LandmarkBlock& l = landmarks_.emplace_back();
-        l.dim = pool.ops().dim, l.pool = p, l.dense = d;
-      }
-    }
-  }
-  std::size_t pools = 0;  // that have any: within one, places are by serial
-  for (std::size_t i = 0; i < kept_.size(); ++i) pools += i == 0 || kept_[i].pool != kept_[i - 1].pool;
-  auto serial = [&](const KeptBlock& b) { return graph.pools()[b.pool]->slots().serial(b.dense); };
-  auto before = [&](const KeptBlock& a, const KeptBlock& b) {
-    return a.sees_landmarks != b.sees_landmarks ? b.sees_landmarks : serial(a) < serial(b);
-  };
-  const bool is_sorted = pools <= 1 && landmarks_.empty();
-  if (!is_sorted && !std::is_sorted(kept_.begin(), kept_.end(), before)) std::sort(kept_.begin(), kept_.end(), before);
-  int offset = 0;
-  for (std::size_t i = 0; i < kept_.size(); ++i) {
-    kept_[i].offset = offset;
-    targets_[kept_[i].pool][kept_[i].dense] = {Target::Kind::kept, static_cast<std::int32_t>(i), offset};
-    offsets_[kept_[i].pool][kept_[i].dense] = offset;
-    offset += kept_[i].dim;
-  }
-  kept_dim_ = offset;
+  collect_kept(graph);
+  int offset = kept_dim_;
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
     LandmarkBlock& l = landmarks_[i];
     l.offset = offset;
@@ -189,6 +177,44 @@ void LinearStructure::number_kept(const Graph& graph) {
     offset += l.dim;
   }
   dim_ = offset;
+}
+
+// From the cut on; within a pool, places are by serial.
+void LinearStructure::collect_kept(const Graph& graph) {
+  const std::size_t cut = followed_.kept_cut;
+  const std::uint64_t last = cut == 0 ? 0 : followed_.serials[cut - 1];
+  kept_.resize(cut);
+  landmarks_.clear();
+  std::size_t pools = 0;  // that have any
+  for (const std::uint32_t p : pool_order_) {
+    const VariablePool& pool = *graph.pools()[p];
+    const std::size_t before = kept_.size();
+    std::uint32_t d = cut == 0 ? 0 : pool.slots().first_after(last);
+    for (; d < pool.extent(); ++d) {
+      const Target& t = targets_[p][d];
+      if (t.kind == Target::Kind::kept) kept_.push_back({pool.ops().dim, 0, p, d, t.index == 0});
+      if (t.kind == Target::Kind::landmark) {
+        LandmarkBlock& l = landmarks_.emplace_back();
+        l.dim = pool.ops().dim, l.pool = p, l.dense = d;
+      }
+    }
+    pools += kept_.size() > before;
+  }
+  auto serial = [&](const KeptBlock& b) { return graph.pools()[b.pool]->slots().serial(b.dense); };
+  auto before = [&](const KeptBlock& a, const KeptBlock& b) {
+    return a.sees_landmarks != b.sees_landmarks ? b.sees_landmarks : serial(a) < serial(b);
+  };
+  const auto from = kept_.begin() + static_cast<std::ptrdiff_t>(cut);
+  const bool is_sorted = pools <= 1 && landmarks_.empty();
+  if (!is_sorted && !std::is_sorted(from, kept_.end(), before)) std::sort(from, kept_.end(), before);
+  int offset = cut == 0 ? 0 : kept_[cut - 1].offset + kept_[cut - 1].dim;
+  for (std::size_t i = cut; i < kept_.size(); ++i) {
+    kept_[i].offset = offset;
+    targets_[kept_[i].pool][kept_[i].dense] = {Target::Kind::kept, static_cast<std::int32_t>(i), offset};
+    offsets_[kept_[i].pool][kept_[i].dense] = offset;
+    offset += kept_[i].dim;
+  }
+  kept_dim_ = offset;
 }
 
 void LinearStructure::plan_priors(const Graph& graph) {
@@ -220,8 +246,8 @@ void LinearStructure::plan_priors(const Graph& graph) {
 
 // Rows before `from` are planned.
 void LinearStructure::plan_table(TablePlan& plan, std::size_t from) {
-  plan.targets.resize(plan.rows.size() * plan.arguments.size());
-  plan.landmark.resize(plan.rows.size());
+  resize_with_room(plan.targets, plan.rows.size() * plan.arguments.size());
+  resize_with_room(plan.landmark, plan.rows.size());
   for (std::size_t r = from; r < plan.rows.size(); ++r) plan_row(plan, r);
 }
 
@@ -247,7 +273,7 @@ void LinearStructure::place_pairs(const Graph& graph) {
   for (std::size_t t = 0; t < plan_count_; ++t) {
     TablePlan& plan = plans_[t];
     const std::size_t n = plan.arguments.size();
-    plan.pairs.resize(plan.rows.size() * (n * (n + 1) / 2));
+    resize_with_room(plan.pairs, plan.rows.size() * (n * (n + 1) / 2));
     for (const TablePlan::Run& run : plan.runs) place_pairs_of_row(plan, run.first);
     if (!plan.runs.empty()) continue;
     for (std::size_t r = followed_.follows ? followed_.same[t] : 0; r < plan.rows.size(); ++r)

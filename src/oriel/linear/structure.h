@@ -6,17 +6,10 @@
 #include <vector>
 
 #include "oriel/graph/graph.h"
+#include "oriel/linear/followed_structure.h"
 #include "oriel/linear/multifrontal.h"
 
 namespace oriel {
-
-// Where a variable stands in the linear problem.
-struct Target {
-  enum class Kind : std::uint8_t { fixed, kept, landmark };
-  Kind kind = Kind::fixed;
-  std::int32_t index = -1;   // of the kept block, or of the landmark
-  std::int32_t offset = -1;  // of its first scalar in a step: kept ones first, then landmarks
-};
 
 // Where the product of two columns of a factor's Jacobian is added. packed: the lower half of a diagonal block, column
 // after column, and then the gradient of its variable (structure_slices.cc).
@@ -88,12 +81,6 @@ struct LandmarkBlock {
   std::int64_t w() const { return data + dim * dim + dim; }
 };
 
-struct KeptBlock {
-  std::int32_t dim = 0, offset = 0;
-  std::uint32_t pool = 0, dense = 0;
-  bool sees_landmarks = false;
-};
-
 // A row of the prior table: its dense block is added to H once a structure.
 struct PriorPlan {
   std::uint32_t row = 0;
@@ -103,7 +90,7 @@ struct PriorPlan {
 };
 
 // Which blocks of H more than one slice of a plan adds to, and where the slice at hand has its partial sum. By the
-// place of the block in H.
+// place of the block in H; diagonal blocks by their variable.
 class SharedBlocks {
  public:
   struct Entry {
@@ -111,36 +98,13 @@ class SharedBlocks {
     std::int32_t slice = -1, partial_slice = -1;
     bool shared = false;
   };
-  void reset(std::size_t most);  // room for so many blocks
+  void reset(std::size_t variables, std::size_t most);  // room for so many blocks off the diagonal
   Entry& find(std::int64_t block);
+  Entry& diagonal(std::int32_t variable) { return diagonal_[static_cast<std::size_t>(variable)]; }
 
  private:
   std::vector<Entry> entries_;  // open addressing; a power of two
-};
-
-// What a build remembers of the one before, where the graph is large enough for that to pay (structure_follow.cc).
-struct FollowedStructure {
-  bool is_large = false;      // this build has kept variables enough, and no landmarks
-  bool is_ready = false;      // the build before has left what can be followed
-  bool same_targets = false;  // variables of both builds stand where they stood, but for those listed in `elsewhere`
-  bool follows = false;       // this build differs little from the one before: in `changed` alone
-  std::vector<KeptBlock> kept;
-  std::vector<const FactorTable*> tables;
-  std::vector<std::vector<std::uint32_t>> rows, dense;  // of the build before, by table
-  std::vector<char> is_by_row, was_by_row, by_row;      // by table: whether rows are ascending in both builds
-  std::vector<std::size_t> same;                        // by table: rows from the first on that are the same factors
-  std::vector<Target> before;                           // scratch: targets of rows of the build before
-  std::vector<std::int32_t> prior_blocks, new_prior_blocks;
-  std::size_t same_kept = 0;           // kept blocks from the first on that are the same variables
-  std::vector<VariableKey> elsewhere;  // of this build or the one before, behind these
-  std::vector<int> changed;            // kept blocks, of both builds, whose neighbours may differ
-  std::vector<char> is_changed, is_moved;
-  std::vector<std::uint64_t> serials, new_serials;  // of the kept blocks
-  EliminationOrder order;                           // the state that `order_` stands for
-  std::size_t drift = 0;                            // of `order_`
-  std::vector<int> place, tail_order;               // scratch of what is new
-  BlockPattern tail;
-  MinimumDegree degree;
+  std::vector<Entry> diagonal_;
 };
 
 class LinearStructure {
@@ -201,6 +165,8 @@ class LinearStructure {
   void demote_landmarks(const Graph& graph);
   void demote_few_landmarks();
   void collect_rows(const Graph& graph);
+  void collect_rows(const Graph& graph, TablePlan& plan, std::size_t from);
+  void collect_kept(const Graph& graph);
   void plan_table(TablePlan& plan, std::size_t from);
   void plan_row(TablePlan& plan, std::size_t row);
   void set_active(TablePlan& plan);
@@ -214,6 +180,8 @@ class LinearStructure {
   void place_slices();
   void clear_by_slices(TablePlan& plan);
   void find_shared(const TablePlan& plan);
+  void find_split_keys(const TablePlan& plan);
+  SharedBlocks::Entry* shared_entry(const TablePlan& plan, std::size_t row, std::size_t pair, std::size_t slice);
   void place_partials(TablePlan& plan);
   void place_partials_of_row(TablePlan& plan, std::size_t row, int slice);
   void number_kept(const Graph& graph);
@@ -231,9 +199,15 @@ class LinearStructure {
   Result<void> factorize(const FactorOptions& options);
   void tabulate();
   Result<void> analyze(const FactorOptions& options);
-  void remember();
+  bool may_cut(const Graph& graph) const;
+  void find_cuts(const Graph& graph);
+  void remember_tails();
+  void note_seen(const Graph& graph);
+  void look_at_all_rows(const Graph& graph);
   void find_changed_blocks(const Graph& graph, const FactorOptions& options);
   void plan_followed(const Graph& graph);
+  void find_elsewhere(const Graph& graph);
+  void plan_again(const Graph& graph, TablePlan& plan, std::size_t row);
   void find_changed_rows(std::size_t table);
   void note_priors();
   void touch(int block);
@@ -246,6 +220,7 @@ class LinearStructure {
   Result<void> analyze_large(const Graph& graph, const FactorOptions& options, EliminationOrder& order);
   Result<void> use_order(const FactorOptions& options);
   bool arrange(const FactorOptions& options, const EliminationOrder& order);
+  void leave_out_gone();
   void find_places(const EliminationOrder& order);
   void append_new();
   void note_order(EliminationOrder& order);
@@ -269,6 +244,7 @@ class LinearStructure {
   std::uint64_t version_ = 0;
   int kept_dim_ = 0, dim_ = 0, first_seen_ = 0, first_scalar_ = 0;
   bool landmark_panel_ = false, forms_reduced_ = true, is_large_ = false, slices_clear_landmarks_ = false;
+  bool has_landmark_types_ = false;  // whether any variable is of one
   double landmark_flops_ = 0.0;
   std::int64_t landmark_store_ = 0, hessian_size_ = 0;
   Multifrontal factorization_;
@@ -278,6 +254,8 @@ class LinearStructure {
   // Scratch of build.
   std::vector<std::uint32_t> run_key_, run_begin_, grouped_rows_, grouped_dense_, sorted_;
   SharedBlocks shared_;
+  std::vector<std::pair<std::int32_t, std::int32_t>>
+      split_keys_;  // by slice: shared with the one before, with the next
   BlockPattern pattern_;
   std::vector<int> dims_, order_;
   std::vector<std::pair<std::int32_t, std::int32_t>> sightings_, sorted_sightings_;

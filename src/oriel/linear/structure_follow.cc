@@ -5,15 +5,14 @@
 #include <algorithm>
 #include <utility>
 
+#include "oriel/linear/resize.h"
 #include "oriel/linear/structure.h"
 
 namespace oriel {
 namespace {
 
 constexpr std::size_t kLargestChange = 8;  // a structure is followed where at most an eighth of its blocks may differ
-constexpr std::size_t kLargestDrift = 8;   // of an order: an eighth of its variables
-constexpr double kMostWork = 2.0;          // times the work when the order was made
-constexpr std::size_t kLateShare = 16;     // the newest sixteenth is eliminated last
+constexpr std::size_t kLongestTail = 8;    // and its end is looked at alone where that is an eighth at most
 
 bool differ(const Target* x, const Target* y, std::size_t n) {
   return !std::equal(x, x + n, y,
@@ -22,21 +21,88 @@ bool differ(const Target* x, const Target* y, std::size_t n) {
 
 }  // namespace
 
-// What the build before left, before it is overwritten. (The targets of rows stay where they are until they are.)
-void LinearStructure::remember() {
+// What is behind the cuts of a column's places is compared with what was there; what stands before is known to be as it
+// was (SlotIndex::changes).
+bool LinearStructure::may_cut(const Graph& graph) const {
+  const FollowedStructure& f = followed_;
+  if (!f.same_tables || f.seen_pools.size() != graph.pools().size()) return false;
+  return std::none_of(graph.pools().begin(), graph.pools().end(),
+                      [](const auto& pool) { return pool->ops().landmark && pool->slots().size() > 0; });
+}
+
+void LinearStructure::find_cuts(const Graph& graph) {
   FollowedStructure& f = followed_;
-  f.follows = f.same_targets = false;
-  if (!f.is_ready) return;
-  f.kept.swap(kept_);
-  f.serials.swap(f.new_serials);
-  f.prior_blocks.swap(f.new_prior_blocks);
-  f.tables.clear();
+  f.follows = f.same_targets = f.same_tables = false;
+  f.kept_cut = 0;
+  f.pool_cut.assign(graph.pools().size(), 0);
+  f.row_cut.assign(table_order_.size(), 0);
+  if (!std::exchange(f.is_ready, false)) return;
+  f.same_tables = table_order_.size() == plan_count_ && f.graph.is(graph.identity());
+  for (std::size_t t = 0; f.same_tables && t < plan_count_; ++t)
+    f.same_tables = plans_[t].table == graph.tables()[table_order_[t]].get();
+  if (!may_cut(graph)) return remember_tails();
+  auto same = [](const SlotIndex& slots, const FollowedStructure::Seen& seen) {
+    return std::min(seen.extent, slots.changes().same_since(seen.changes));
+  };
+  f.kept_cut = kept_.size();
+  for (std::size_t p = 0; p < f.pool_cut.size(); ++p) {
+    const SlotIndex& slots = graph.pools()[p]->slots();
+    f.pool_cut[p] = same(slots, f.seen_pools[p]);
+    const std::vector<Target>& targets = targets_[p];  // the build's before
+    const auto first = std::find_if(targets.begin() + f.pool_cut[p], targets.end(),
+                                    [](const Target& t) { return t.kind == Target::Kind::kept; });
+    if (first != targets.end()) f.kept_cut = std::min(f.kept_cut, static_cast<std::size_t>(first->index));
+    if (f.pool_cut[p] == slots.extent()) continue;
+    const auto at = std::lower_bound(f.serials.begin(), f.serials.end(), slots.serial(f.pool_cut[p]));
+    f.kept_cut = std::min(f.kept_cut, static_cast<std::size_t>(at - f.serials.begin()));
+  }
+  std::size_t behind = kept_.size() - f.kept_cut, all = kept_.size();
+  for (std::size_t p = 0; p < f.pool_cut.size(); ++p)
+    behind += graph.pools()[p]->extent() - f.pool_cut[p], all += graph.pools()[p]->extent();
+  if (behind > all / kLongestTail) {
+    f.kept_cut = 0;
+    f.pool_cut.assign(f.pool_cut.size(), 0);
+    return remember_tails();
+  }
+  for (std::size_t t = 0; t < plan_count_; ++t) {
+    const auto& rows = plans_[t].rows;
+    if (f.is_by_row[t] != 0)
+      f.row_cut[t] = static_cast<std::size_t>(
+          std::lower_bound(rows.begin(), rows.end(), same(plans_[t].table->slots(), f.seen_tables[t])) - rows.begin());
+  }
+  remember_tails();
+}
+
+// Of the build before, before it is overwritten. (The targets of rows stay where they are until they are.)
+void LinearStructure::remember_tails() {
+  FollowedStructure& f = followed_;
+  auto keep_tail = [](auto& to, const auto& from, std::size_t cut) {
+    to.assign(from.begin() + static_cast<std::ptrdiff_t>(cut), from.end());
+  };
+  f.kept_before = kept_.size();
+  keep_tail(f.kept, kept_, f.kept_cut);
+  keep_tail(f.old_serials, f.serials, f.kept_cut);
+  f.old_prior_blocks.swap(f.prior_blocks);
+  if (!f.same_tables) return;
   if (f.rows.size() < plan_count_) f.rows.resize(plan_count_), f.dense.resize(plan_count_);
   for (std::size_t t = 0; t < plan_count_; ++t) {
-    f.tables.push_back(plans_[t].table);
-    f.rows[t].swap(plans_[t].rows);
-    f.dense[t].swap(plans_[t].dense);
+    keep_tail(f.rows[t], plans_[t].rows, f.row_cut[t]);
+    keep_tail(f.dense[t], plans_[t].dense, f.row_cut[t] * static_cast<std::size_t>(plans_[t].table->arity()));
   }
+}
+
+// This build is what the next one compares with.
+void LinearStructure::note_seen(const Graph& graph) {
+  FollowedStructure& f = followed_;
+  f.is_ready = f.is_large;
+  if (!f.is_ready) return;
+  auto seen = [](const SlotIndex& slots) {
+    return FollowedStructure::Seen{slots.changes().count(), slots.last_serial(), slots.extent()};
+  };
+  f.graph = graph.identity();
+  f.seen_pools.clear(), f.seen_tables.clear();
+  for (const auto& pool : graph.pools()) f.seen_pools.push_back(seen(pool->slots()));
+  for (std::size_t t = 0; t < plan_count_; ++t) f.seen_tables.push_back(seen(plans_[t].table->slots()));
 }
 
 VariableKey LinearStructure::key_of(const Graph& graph, const KeptBlock& b) const {
@@ -49,38 +115,46 @@ VariableKey LinearStructure::key_of(const Graph& graph, const KeptBlock& b) cons
 // there.
 void LinearStructure::find_changed_blocks(const Graph& graph, const FactorOptions& options) {
   FollowedStructure& f = followed_;
-  const bool was_ready = std::exchange(f.is_ready, false);
   f.is_large = landmarks_.empty() && kept_.size() >= options.least_followed;
   if (!f.is_large) return;
-  f.new_serials.resize(kept_.size());
+  resize_with_room(f.serials, kept_.size());
   const SlotIndex* slots = nullptr;
-  for (std::size_t i = 0, pool = ~std::size_t{0}; i < kept_.size(); ++i) {
+  for (std::size_t i = f.kept_cut, pool = ~std::size_t{0}; i < kept_.size(); ++i) {
     if (kept_[i].pool != pool) pool = kept_[i].pool, slots = &graph.pools()[pool]->slots();
-    f.new_serials[i] = slots->serial(kept_[i].dense);
+    f.serials[i] = slots->serial(kept_[i].dense);
   }
   note_priors();
   f.same_kept = 0;
   f.same.assign(plan_count_, 0);
-  if (!was_ready || f.tables.size() != plan_count_) return;
-  for (std::size_t t = 0; t < plan_count_; ++t)
-    if (f.tables[t] != plans_[t].table) return;
+  if (!f.same_tables) return;
+  const auto kept = kept_.begin() + static_cast<std::ptrdiff_t>(f.kept_cut);
+  const auto serials = f.serials.begin() + static_cast<std::ptrdiff_t>(f.kept_cut);
   const auto same = std::mismatch(
-      kept_.begin(), kept_.end(), f.kept.begin(), f.kept.end(),
+      kept, kept_.end(), f.kept.begin(), f.kept.end(),
       [](const KeptBlock& a, const KeptBlock& b) { return a.dim == b.dim && a.pool == b.pool && a.dense == b.dense; });
   // Places are taken again: the same one may be another variable.
-  const auto serials =
-      std::mismatch(f.serials.begin(), f.serials.begin() + (same.first - kept_.begin()), f.new_serials.begin());
-  f.same_kept = static_cast<std::size_t>(serials.first - f.serials.begin());
-  f.same_targets = f.same_kept == kept_.size() || f.serials.empty() || f.new_serials[f.same_kept] > f.serials.back();
+  const auto same_serials =
+      std::mismatch(f.old_serials.begin(), f.old_serials.begin() + (same.first - kept), serials, f.serials.end());
+  f.same_kept = f.kept_cut + static_cast<std::size_t>(same_serials.first - f.old_serials.begin());
+  f.same_targets =
+      f.same_kept == kept_.size() || f.old_serials.empty() || f.serials[f.same_kept] > f.old_serials.back();
 }
 
 void LinearStructure::note_priors() {
-  auto& blocks = followed_.new_prior_blocks;
+  auto& blocks = followed_.prior_blocks;
   blocks.clear();
   for (std::size_t i = 0; i < prior_count_; ++i) {
     for (const Target& t : priors_[i].targets) blocks.push_back(t.kind == Target::Kind::kept ? t.index : -1);
     blocks.push_back(-2);  // the end of a prior
   }
+}
+
+// Nothing is taken for the same any more.
+void LinearStructure::look_at_all_rows(const Graph& graph) {
+  followed_.same_targets = false;
+  followed_.row_cut.assign(plan_count_, 0);
+  collect_rows(graph);
+  for (std::size_t t = 0; t < plan_count_; ++t) group_rows(plans_[t]);
 }
 
 void LinearStructure::touch(int block) {
@@ -96,42 +170,71 @@ void LinearStructure::touch(const Target* targets, std::size_t arguments) {
 // factors keep their targets, but at variables that came or ceased at the end (or were fixed there, or freed).
 void LinearStructure::plan_followed(const Graph& graph) {
   FollowedStructure& f = followed_;
+  const bool was_cut = std::any_of(f.row_cut.begin(), f.row_cut.end(), [](std::size_t cut) { return cut > 0; });
   f.was_by_row.swap(f.is_by_row);
-  f.is_by_row.resize(plan_count_), f.by_row.resize(plan_count_);
-  for (std::size_t t = 0; t < plan_count_; ++t) f.is_by_row[t] = plans_[t].slices.empty() && plans_[t].runs.empty();
+  f.is_by_row.resize(plan_count_), f.by_row.resize(plan_count_), f.was_by_row.resize(plan_count_);
+  bool is_cut_by_row = true;
+  for (std::size_t t = 0; t < plan_count_; ++t) {
+    f.is_by_row[t] = plans_[t].slices.empty() && plans_[t].runs.empty();
+    is_cut_by_row = is_cut_by_row && (f.is_by_row[t] != 0 || f.row_cut[t] == 0);
+  }
+  if (was_cut && (!f.same_targets || !is_cut_by_row)) look_at_all_rows(graph);
   if (!f.same_targets) {
     for (std::size_t t = 0; t < plan_count_; ++t) plan_table(plans_[t], 0);
     return;
   }
   f.changed.clear();
-  f.is_changed.assign(std::max(kept_.size(), f.kept.size()), 0);
+  f.is_changed.assign(std::max(kept_.size(), f.kept_before), 0);
   for (std::size_t i = f.same_kept; i < f.is_changed.size(); ++i) touch(static_cast<int>(i));
   // What was tied to a variable that is gone is tied to another one now, even where that has its index: pattern_ is
   // still that of the build before.
-  for (std::size_t i = f.same_kept; i < f.kept.size(); ++i)
+  for (std::size_t i = f.same_kept; i < f.kept_before; ++i)
     for (const int j : pattern_.neighbours(static_cast<int>(i))) touch(j);
   for (std::size_t t = 0; t < plan_count_; ++t) find_changed_rows(t);
-  f.elsewhere.clear();
-  for (const auto* blocks : {&f.kept, &kept_})
-    for (std::size_t i = f.same_kept; i < blocks->size(); ++i)
-      if (const KeptBlock& b = (*blocks)[i];
-          b.dense < graph.pools()[b.pool]->extent() && graph.pools()[b.pool]->slots().is_live(b.dense))
-        f.elsewhere.push_back(key_of(graph, b));
-  auto plan_again = [&](TablePlan& plan, std::size_t r) {
-    const std::size_t n = plan.arguments.size();
-    f.before.assign(&plan.targets[r * n], &plan.targets[r * n] + n);
-    plan_row(plan, r);
-    if (n >= 2 && differ(f.before.data(), &plan.targets[r * n], n))
-      touch(f.before.data(), n), touch(&plan.targets[r * n], n);
-  };
-  for (const VariableKey& id : f.elsewhere) for_each_row(graph, id, plan_again);
+  find_elsewhere(graph);
+  for (const VariableKey& id : f.elsewhere)
+    for_each_row(graph, id, [&](TablePlan& plan, std::size_t r) { plan_again(graph, plan, r); });
   for (std::size_t t = 0; t < plan_count_; ++t)
-    for (std::size_t r = 0; f.by_row[t] == 0 && r < f.same[t]; ++r) plan_again(plans_[t], r);
-  if (f.prior_blocks != f.new_prior_blocks)
-    for (const auto* blocks : {&f.prior_blocks, &f.new_prior_blocks})
+    for (std::size_t r = 0; f.by_row[t] == 0 && r < f.same[t]; ++r) plan_again(graph, plans_[t], r);
+  if (f.prior_blocks != f.old_prior_blocks)
+    for (const auto* blocks : {&f.old_prior_blocks, &f.prior_blocks})
       for (const std::int32_t b : *blocks)
         if (b >= 0) touch(b);
   f.follows = f.changed.size() <= kept_.size() / kLargestChange;
+}
+
+// Variables of both builds behind those that stand where they stood; and what has another place in its column, fixed
+// ones as well: rows before the cuts still name the old one.
+void LinearStructure::find_elsewhere(const Graph& graph) {
+  FollowedStructure& f = followed_;
+  f.elsewhere.clear();
+  auto add = [&](std::uint32_t p, std::uint32_t dense) {
+    const SlotIndex& slots = graph.pools()[p]->slots();
+    const bool is_known = p < f.seen_pools.size() && dense < slots.extent() && slots.is_live(dense) &&
+                          slots.serial(dense) <= f.seen_pools[p].last_serial;  // else all its rows are new
+    if (is_known) f.elsewhere.push_back({graph.pools()[p]->ops().key, slots.key(dense)});
+  };
+  for (std::size_t i = f.same_kept; i < f.kept_before; ++i) {
+    const KeptBlock& b = f.kept[i - f.kept_cut];
+    add(b.pool, b.dense);
+  }
+  for (std::size_t i = f.same_kept; i < kept_.size(); ++i) add(kept_[i].pool, kept_[i].dense);
+  if (f.kept_cut == 0) return;  // all rows were looked at
+  for (std::uint32_t p = 0; p < f.pool_cut.size(); ++p)
+    for (std::uint32_t d = f.pool_cut[p]; d < graph.pools()[p]->extent(); ++d)
+      if (targets_[p][d].kind != Target::Kind::kept) add(p, d);
+}
+
+void LinearStructure::plan_again(const Graph& graph, TablePlan& plan, std::size_t r) {
+  FollowedStructure& f = followed_;
+  const std::size_t n = plan.arguments.size(), arity = static_cast<std::size_t>(plan.table->arity());
+  f.before.assign(&plan.targets[r * n], &plan.targets[r * n] + n);
+  std::uint32_t* dense = &plan.dense[r * arity];
+  for (const VariableRef& ref : plan.table->variables(plan.rows[r]))
+    *dense++ = graph.pools()[ref.pool]->slots().dense(ref.slot);
+  plan_row(plan, r);
+  if (n >= 2 && differ(f.before.data(), &plan.targets[r * n], n))
+    touch(f.before.data(), n), touch(&plan.targets[r * n], n);
 }
 
 // f(plan, row) for the rows at a variable, of tables in which a row can be found.
@@ -142,8 +245,12 @@ void LinearStructure::for_each_row(const Graph& graph, VariableKey id, F functio
     const FactorTable* table = graph.tables()[place].get();
     for (std::size_t t = 0; t < plan_count_; ++t) {
       if (plans_[t].table != table || followed_.by_row[t] == 0) continue;
-      const auto& rows = plans_[t].rows;
-      const auto at = std::lower_bound(rows.begin(), rows.end(), row);
+      // Rows ascend: at most so many are missing before this one.
+      const std::vector<std::uint32_t>& rows = plans_[t].rows;
+      const std::size_t missing = table->extent() - rows.size();
+      const auto from = rows.begin() + (row < missing ? 0 : static_cast<std::ptrdiff_t>(row - missing));
+      const auto to = rows.begin() + static_cast<std::ptrdiff_t>(std::min<std::size_t>(row, rows.size()));
+      const auto at = std::lower_bound(from, to, row);
       function(plans_[t], static_cast<std::size_t>(at - rows.begin()));
     }
   });
@@ -155,21 +262,25 @@ void LinearStructure::find_changed_rows(std::size_t t) {
   FollowedStructure& f = followed_;
   TablePlan& plan = plans_[t];
   const std::size_t n = plan.arguments.size(), arity = static_cast<std::size_t>(plan.table->arity());
+  const std::size_t cut = f.row_cut[t];
   const auto &old = f.rows[t], &now = plan.rows;
-  const auto rows = std::mismatch(old.begin(), old.end(), now.begin(), now.end());
-  const auto dense = std::mismatch(f.dense[t].begin(), f.dense[t].end(), plan.dense.begin(), plan.dense.end());
-  const std::size_t same = std::min(static_cast<std::size_t>(rows.first - old.begin()),
-                                    static_cast<std::size_t>(dense.first - f.dense[t].begin()) / arity);
+  auto same_from = [](const auto& tail, const auto& all, std::size_t from) {
+    const auto first = all.begin() + static_cast<std::ptrdiff_t>(from);
+    return static_cast<std::size_t>(std::mismatch(tail.begin(), tail.end(), first, all.end()).first - tail.begin());
+  };
+  const std::size_t end = cut + old.size();  // of the rows before
+  const std::size_t same =
+      cut + std::min(same_from(old, now, cut), same_from(f.dense[t], plan.dense, cut * arity) / arity);
   f.same[t] = same;
   f.by_row[t] = f.is_by_row[t] != 0 && f.was_by_row[t] != 0;
   f.before.assign(plan.targets.begin() + static_cast<std::ptrdiff_t>(same * n),
-                  plan.targets.begin() + static_cast<std::ptrdiff_t>(old.size() * n));
+                  plan.targets.begin() + static_cast<std::ptrdiff_t>(end * n));
   plan_table(plan, same);
   if (n < 2) return;  // they tie nothing
   std::size_t i = same, j = same;
-  while (i < old.size() || j < now.size()) {
-    const bool only_before = j == now.size() || (f.by_row[t] != 0 && i < old.size() && old[i] < now[j]);
-    const bool only_after = i == old.size() || (f.by_row[t] != 0 && !only_before && now[j] < old[i]);
+  while (i < end || j < now.size()) {
+    const bool only_before = j == now.size() || (f.by_row[t] != 0 && i < end && old[i - cut] < now[j]);
+    const bool only_after = i == end || (f.by_row[t] != 0 && !only_before && now[j] < old[i - cut]);
     if (!only_before && !only_after && !differ(&f.before[(i - same) * n], &plan.targets[j * n], n)) {
       ++i, ++j;
       continue;
@@ -188,9 +299,10 @@ void LinearStructure::connect_changed(const Target& x, const Target& y) {
 
 // Only what touches a changed block is connected again.
 void LinearStructure::follow_pattern(const Graph& graph) {
+  const std::size_t first = followed_.same_kept;
   dims_.clear();
-  for (const KeptBlock& b : kept_) dims_.push_back(b.dim);
-  pattern_.begin_change(dims_);
+  for (std::size_t i = first; i < kept_.size(); ++i) dims_.push_back(kept_[i].dim);
+  pattern_.begin_change(static_cast<int>(first), dims_);
   auto connect_row = [&](const TablePlan& plan, std::size_t r) {
     const std::size_t n = plan.arguments.size();
     for (std::size_t a = 1; a < n; ++a)
@@ -219,128 +331,6 @@ void LinearStructure::place_moved_pairs(const Graph& graph) {
 void LinearStructure::mark_moved() {
   followed_.is_moved.assign(kept_.size(), 0);
   factorization_.symbolic().for_each_moved([&](int b) { followed_.is_moved[static_cast<std::size_t>(b)] = 1; });
-}
-
-// order_ = the state's, without what is gone, and what came since behind it. False where it has drifted too far.
-bool LinearStructure::arrange(const FactorOptions& options, const EliminationOrder& order) {
-  FollowedStructure& f = followed_;
-  if (order.serials.empty() || order.method != options.ordering) return false;
-  if (f.follows)
-    std::erase_if(order_, [&](int b) { return static_cast<std::size_t>(b) >= f.same_kept; });
-  else
-    find_places(order);
-  const std::size_t gone = order.serials.size() - order_.size(), before = order_.size();
-  f.drift = order.drift + gone + kept_.size() - before;
-  if (f.drift * kLargestDrift > order.made_of) return false;
-  if (before < kept_.size()) append_new();
-  return true;
-}
-
-void LinearStructure::find_places(const EliminationOrder& order) {
-  order_.clear();
-  for (const std::uint64_t serial : order.serials) {
-    const auto& all = followed_.new_serials;
-    const auto found = std::lower_bound(all.begin(), all.end(), serial);
-    if (found != all.end() && *found == serial) order_.push_back(static_cast<int>(found - all.begin()));
-  }
-}
-
-// What is new, by minimum degree among itself. What it shares with all that was there ties it together when that is
-// eliminated: a block that stands for all of it, as heavy as these ties are.
-void LinearStructure::append_new() {
-  std::vector<int>& place = followed_.place;
-  place.assign(kept_.size(), 0);
-  for (const int b : order_) place[static_cast<std::size_t>(b)] = -1;
-  dims_.clear();
-  const std::size_t before = order_.size();
-  for (std::size_t b = 0; b < kept_.size(); ++b) {
-    if (place[b] < 0) continue;
-    place[b] = static_cast<int>(order_.size() - before);
-    order_.push_back(static_cast<int>(b));
-    dims_.push_back(kept_[b].dim);
-  }
-  const int rest = static_cast<int>(dims_.size());
-  const std::vector<int> fresh(order_.begin() + static_cast<std::ptrdiff_t>(before), order_.end());
-  int weight = 1;
-  for (const int b : fresh) {
-    const auto neighbours = pattern_.neighbours(b);
-    if (std::any_of(neighbours.begin(), neighbours.end(),
-                    [&](int j) { return place[static_cast<std::size_t>(j)] < 0; }))
-      weight += kept_[static_cast<std::size_t>(b)].dim;
-  }
-  dims_.push_back(weight);
-  BlockPattern& tail = followed_.tail;
-  tail.reset(dims_);
-  for (int i = 0; i < rest; ++i)
-    for (const int j : pattern_.neighbours(fresh[static_cast<std::size_t>(i)])) {
-      const int other = place[static_cast<std::size_t>(j)];
-      tail.connect(i, other < 0 ? rest : other);
-    }
-  tail.finish();
-  followed_.degree.order(tail, followed_.tail_order);
-  auto to = order_.begin() + static_cast<std::ptrdiff_t>(before);
-  for (const int i : followed_.tail_order)
-    if (i != rest) *to++ = fresh[static_cast<std::size_t>(i)];
-}
-
-Result<void> LinearStructure::use_order(const FactorOptions& options) {
-  FollowedStructure& f = followed_;
-  FactorOptions given = options;
-  given.ordering = OrderingMethod::given;
-  if (!f.follows) return factorization_.analyze(pattern_, given, order_);
-  if (f.changed.empty()) {  // nothing is tied in another way
-    f.is_moved.assign(kept_.size(), 0);
-    return {};
-  }
-  const std::int64_t updates = factorization_.updates();
-  factorization_.follow(pattern_, options, order_, f.changed);
-  if (factorization_.updates() == updates)
-    f.follows = false;
-  else
-    mark_moved();
-  return {};
-}
-
-Result<void> LinearStructure::analyze_large(const Graph& graph, const FactorOptions& options, EliminationOrder& order) {
-  FollowedStructure& f = followed_;
-  is_large_ = false, forms_reduced_ = true;
-  small_table_.clear();
-  f.follows = f.follows && f.order == order;
-  if (!f.follows)
-    find_pattern();
-  else if (!f.changed.empty())
-    follow_pattern(graph);
-  if (arrange(options, order)) {
-    if (auto ok = use_order(options); !ok) return ok;
-    if (factorization_.symbolic().flops() <= kMostWork * order.flops) {
-      order.drift = f.drift;
-      note_order(order);
-      return {};
-    }
-  }
-  f.follows = false;
-  FactorOptions anew = options;
-  anew.first_late = static_cast<int>(kept_.size() - kept_.size() / kLateShare);
-  if (auto ok = factorization_.analyze(pattern_, anew); !ok) return ok;
-  const auto found = factorization_.symbolic().order();
-  order_.assign(found.begin(), found.end());
-  order.method = options.ordering;
-  order.flops = factorization_.symbolic().flops();
-  order.made_of = order_.size(), order.drift = 0;
-  ++order.made;
-  note_order(order);
-  return {};
-}
-
-// The order at hand is the state from now on.
-void LinearStructure::note_order(EliminationOrder& order) {
-  const bool same = followed_.follows && followed_.changed.empty();
-  if (!same) {
-    order.serials.resize(order_.size());
-    for (std::size_t k = 0; k < order_.size(); ++k)
-      order.serials[k] = followed_.new_serials[static_cast<std::size_t>(order_[k])];
-  }
-  followed_.order = order;
 }
 
 }  // namespace oriel

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "oriel/linear/resize.h"
 #include "oriel/linear/structure.h"
 
 namespace oriel {
@@ -13,7 +14,7 @@ constexpr int kLargestPanel = 640;  // kept scalars up to which landmarks may be
 
 // For each landmark, the kept blocks that share a factor with it, ascending and once each.
 void LinearStructure::find_neighbours() {
-  first_seen_ = 0;
+  first_seen_ = landmarks_.empty() ? static_cast<int>(kept_.size()) : 0;
   while (first_seen_ < static_cast<int>(kept_.size()) && !kept_[first_seen_].sees_landmarks) ++first_seen_;
   first_scalar_ = first_seen_ < static_cast<int>(kept_.size()) ? kept_[first_seen_].offset : kept_dim_;
   seen_by_.clear();
@@ -101,7 +102,7 @@ void LinearStructure::place_landmarks() {
 
 void LinearStructure::place_panel_rows(TablePlan& plan) {
   const std::size_t n = plan.arguments.size();
-  plan.panel_row.resize(plan.rows.size() * n);
+  resize_with_room(plan.panel_row, plan.rows.size() * n);
   if (landmarks_.empty()) return;
   for (std::size_t r = 0; r < plan.rows.size(); ++r) {
     if (plan.landmark[r] < 0) continue;

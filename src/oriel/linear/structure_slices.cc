@@ -21,10 +21,11 @@ constexpr std::size_t round_up(std::size_t n, std::size_t to) { return (n + to -
 
 }  // namespace
 
-void SharedBlocks::reset(std::size_t most) {
+void SharedBlocks::reset(std::size_t variables, std::size_t most) {
   std::size_t size = 64;
   while (size < 2 * most) size *= 2;
   entries_.assign(size, {});
+  diagonal_.assign(variables, {});
 }
 
 SharedBlocks::Entry& SharedBlocks::find(std::int64_t block) {
@@ -141,22 +142,67 @@ void LinearStructure::clear_by_slices(TablePlan& plan) {
   }
 }
 
+// Rows of two kept variables are sorted by the later one: what ties it to another is said by one slice alone, but for
+// the variables whose rows a cut parts. Where rows may be otherwise, none are listed.
+void LinearStructure::find_split_keys(const TablePlan& plan) {
+  split_keys_.clear();
+  const std::size_t n = plan.arguments.size();
+  if (n > 2 || !landmarks_.empty()) return;
+  auto last_of = [&](std::size_t row) {
+    std::int32_t last = -1;
+    for (std::size_t a = 0; a < n; ++a)
+      if (const Target& t = plan.targets[row * n + a]; t.kind == Target::Kind::kept) last = std::max(last, t.index);
+    return last;
+  };
+  for (const TablePlan::Slice& slice : plan.slices) {
+    const std::size_t first = slice.first * kRows, end = std::min(plan.rows.size(), slice.last * kRows);
+    split_keys_.emplace_back(first == 0 ? -1 : last_of(first), end == plan.rows.size() ? -1 : last_of(end - 1));
+  }
+}
+
+// Null: nothing, or what no other slice says anything of.
+SharedBlocks::Entry* LinearStructure::shared_entry(const TablePlan& plan, std::size_t row, std::size_t pair,
+                                                   std::size_t slice) {
+  const std::size_t n = plan.arguments.size();
+  const PairAddress& at = plan.pairs[row * (n * (n + 1) / 2) + pair];
+  if (at.kind == PairAddress::Kind::none) return nullptr;
+  if (n == 2 && !split_keys_.empty()) {
+    const Target &x = plan.targets[row * 2], &y = plan.targets[row * 2 + 1];
+    if (pair != 1) return &shared_.diagonal(pair == 0 ? x.index : y.index);
+    const std::int32_t last = std::max(x.index, y.index);
+    const auto [before, next] = split_keys_[slice];
+    return last == before || last == next ? &shared_.find(at.offset) : nullptr;
+  }
+  for (std::size_t a = 0; a < n; ++a)
+    if (pair == a * (a + 1) / 2 + a) return &shared_.diagonal(plan.targets[row * n + a].index);
+  return &shared_.find(at.offset);
+}
+
 void LinearStructure::find_shared(const TablePlan& plan) {
   const std::size_t n = plan.arguments.size(), pairs = n * (n + 1) / 2;
-  std::size_t most = kept_.size();  // diagonal blocks, and others
-  for (std::size_t a = 1; a < n; ++a)
-    for (std::size_t b = 0; b < a; ++b)
-      for (std::size_t r = 0; r < plan.rows.size(); ++r)
-        most += plan.pairs[r * pairs + a * (a + 1) / 2 + b].kind != PairAddress::Kind::none;
-  shared_.reset(most);
+  find_split_keys(plan);
+  std::size_t most = 0;  // blocks off the diagonal
   for (std::size_t k = 0; k < plan.slices.size(); ++k) {
     const std::size_t end = std::min(plan.rows.size(), plan.slices[k].last * kRows);
-    for (std::size_t i = plan.slices[k].first * kRows * pairs; i < end * pairs; ++i) {
-      if (plan.pairs[i].kind == PairAddress::Kind::none) continue;
-      SharedBlocks::Entry& e = shared_.find(plan.pairs[i].offset);
-      e.shared = e.shared || (e.slice >= 0 && e.slice != static_cast<std::int32_t>(k));
-      e.slice = static_cast<std::int32_t>(k);
+    for (std::size_t r = plan.slices[k].first * kRows; r < end; ++r) {
+      if (split_keys_.empty()) {
+        most += pairs - n;
+        continue;
+      }
+      const std::int32_t last = std::max(plan.targets[r * n].index, plan.targets[r * n + n - 1].index);
+      most += last == split_keys_[k].first || last == split_keys_[k].second;
     }
+  }
+  shared_.reset(kept_.size(), most);
+  for (std::size_t k = 0; k < plan.slices.size(); ++k) {
+    const std::size_t end = std::min(plan.rows.size(), plan.slices[k].last * kRows);
+    for (std::size_t r = plan.slices[k].first * kRows; r < end; ++r)
+      for (std::size_t i = 0; i < pairs; ++i) {
+        SharedBlocks::Entry* e = shared_entry(plan, r, i, k);
+        if (e == nullptr) continue;
+        e->shared = e->shared || (e->slice >= 0 && e->slice != static_cast<std::int32_t>(k));
+        e->slice = static_cast<std::int32_t>(k);
+      }
   }
 }
 
@@ -175,9 +221,9 @@ void LinearStructure::place_partials_of_row(TablePlan& plan, std::size_t row, in
   PairAddress* pair = &plan.pairs[row * (n * (n + 1) / 2)];
   for (std::size_t a = 0; a < n; ++a)
     for (std::size_t b = 0; b <= a; ++b, ++pair) {
-      if (pair->kind == PairAddress::Kind::none) continue;
-      SharedBlocks::Entry& e = shared_.find(pair->offset);
-      if (!e.shared) continue;
+      SharedBlocks::Entry* const found = shared_entry(plan, row, a * (a + 1) / 2 + b, static_cast<std::size_t>(slice));
+      if (found == nullptr || !found->shared) continue;
+      SharedBlocks::Entry& e = *found;
       const int x = plan.arguments[a].dim, y = plan.arguments[b].dim;
       const bool turned = pair->kind == PairAddress::Kind::transposed;
       const std::int32_t rows = turned ? y : x, columns = turned ? x : y;

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "oriel/linear/dense_kernels.h"
+#include "oriel/linear/resize.h"
 
 namespace oriel {
 namespace {
@@ -32,32 +33,36 @@ void Symbolic::analyze(const BlockPattern& pattern, std::span<const int> order) 
   place_rows(0);
   sum_up();
   link_fronts();
-  make_sequence();
+  make_schedule(0);
   place_matrix(pattern);
   make_runs();
   make_spans();
-  cut_subtrees();
-  place_updates();
   analyzed_ = {children_.size(), runs_.size(), matrix_runs_.size(), column_rows_.size()};
 }
 
 void Symbolic::set_dimensions(const BlockPattern& pattern, std::span<const int> order) {
   const int n = pattern.blocks();
-  dims_.resize(n), input_offset_.resize(n);
+  resize_columns(n);
   for (int b = 0; b < n; ++b) dims_[b] = pattern.dim(b), input_offset_[b] = pattern.offset(b);
-  order_.assign(order.begin(), order.end());
-  rank_.resize(n);
+  std::copy(order.begin(), order.end(), order_.begin());
   for (int k = 0; k < n; ++k) rank_[order_[k]] = k;
-  front_of_block_.resize(n), block_scalar_.resize(n), columns_.resize(n), local_row_.resize(n);
+}
+
+void Symbolic::resize_columns(int n) {
+  const auto blocks = static_cast<std::size_t>(n);
+  for (std::vector<int>* v : {&dims_, &input_offset_, &order_, &rank_, &front_of_block_, &block_scalar_, &local_row_,
+                              &parent_, &super_of_, &next_pivot_, &head_, &seen_})
+    resize_with_room(*v, blocks);
+  resize_with_room(columns_, blocks);
+  resize_with_room(is_root_, blocks);
 }
 
 // A column joins the supernode of a child whose rows are its own: head_ lists, for each block, the supernodes whose
 // parent column it is. `columns` by rank; those in is_root_ stand for the fronts, kept as they are, that end with them.
 void Symbolic::find_supernodes(const BlockPattern& pattern, std::span<const int> columns) {
   const int n = blocks();
-  head_.assign(n, -1), seen_.assign(n, -1), parent_.resize(n);
+  head_.assign(n, -1), seen_.assign(n, -1);
   next_.resize(columns.size());
-  super_of_.resize(n), next_pivot_.resize(n);
   super_rows_.clear(), supers_.clear();
   for (const int b : columns) {
     if (is_root_[b] != 0)

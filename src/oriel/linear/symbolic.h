@@ -12,6 +12,7 @@
 #pragma once
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "oriel/linear/block_pattern.h"
@@ -42,7 +43,7 @@ struct Front {
   int children_begin = 0, children = 0;  // a slice of children()
   int runs_begin = 0, runs = 0;          // of the other rows, towards the parent: a slice of runs()
   int spans_begin = 0, spans = 0;        // of the other rows, towards vectors: a slice of spans()
-  int task = -1;                         // subtree that holds it; -1: the top of the tree
+  int task = -1;                         // root of the subtree that holds it; -1: the top of the tree
   bool live = true;                      // false: a hole that an update left
 };
 
@@ -146,6 +147,7 @@ class Symbolic {
   };
   // symbolic.cc: from the pattern to supernodes.
   void set_dimensions(const BlockPattern& pattern, std::span<const int> order);
+  void resize_columns(int n);
   void find_supernodes(const BlockPattern& pattern, std::span<const int> columns);
   void add_column(const BlockPattern& pattern, int block);
   void add_kept(int front);
@@ -159,6 +161,7 @@ class Symbolic {
   bool mark_changed(std::span<const int> changed, int after);
   void mark(int front);
   bool gather_columns(int before);
+  void set_dimensions_of_few(const BlockPattern& pattern, std::span<const int> order);
   void drop_marked();
   void sort_few_rows(std::size_t first);
   void place_columns(const BlockPattern& pattern, int before);
@@ -169,21 +172,28 @@ class Symbolic {
   void add_front(const Supernode& supernode);
   void sort_rows();
   void place_rows(std::size_t first);
-  void sum_up();
   void link_fronts();
   void link_few_fronts(std::size_t first);
-  void make_sequence();
   void make_runs();
   void make_runs(Front& front);
   void make_spans();
-  void make_few_spans();
+  void make_few_spans(std::size_t first);
   void make_spans(Front& front);
   void place_matrix(const BlockPattern& pattern);
   void load_local_rows(const Front& front);
   void make_matrix_runs(const Front& front);
-  void cut_subtrees();
+  // symbolic_schedule.cc: what is factored when, and beside what.
+  void add_up(const Front& front, double sign);
+  void sum_up();
+  void sum_up_few(std::size_t first);
+  void make_schedule(std::size_t first);
+  void make_sequence(std::size_t first);
+  void sum_subtrees(std::size_t first);
+  void find_subtrees();
+  template <class F>
+  void for_each_of_top(F f);
   void place_updates();
-  std::int64_t place_updates(int first, int last, int task, std::int64_t base);
+  std::int64_t place_updates(int first, int last);
   void place_shared_updates();
   int column_row(int column, int row) const;
 
@@ -199,6 +209,10 @@ class Symbolic {
   std::vector<MatrixColumn> columns_;
   std::vector<int> column_rows_, column_offsets_;  // row blocks of each matrix column, their first row in it
   std::vector<Subtree> subtrees_;
+  // By front: its place in the sequence; of its subtree the fronts, the flops, and the arena where that is a task.
+  std::vector<int> place_, subtree_size_;
+  std::vector<double> subtree_flops_;
+  std::vector<std::int64_t> arena_size_;
   std::int64_t live_storage_ = 0, live_factor_ = 0;  // [doubles] without holes
   struct Sizes {
     std::size_t children = 0, runs = 0, matrix_runs = 0, column_rows = 0;
@@ -209,7 +223,10 @@ class Symbolic {
   std::vector<int> bucket_begin_, bucket_, cursor_, depth_, local_row_, post_;
   std::vector<int> nodes_, marked_;  // columns made anew and last pivots of fronts that stay, by rank; fronts
   std::vector<char> is_marked_, is_root_;
-  std::vector<double> subtree_flops_;
+  std::vector<int> old_sequence_;
+  std::vector<Subtree> old_subtrees_;
+  std::vector<char> is_cut_;  // by front: 1, the root of a subtree; 2, as it was before
+  std::vector<std::pair<int, int>> subtree_ranges_;
   struct Gap {
     std::int64_t begin, end;
   };

@@ -1,28 +1,13 @@
-// The second half of the symbolic analysis: where everything stands in memory.
+// The second part of the symbolic analysis: where everything stands in memory.
 #include <algorithm>
 #include <iterator>
 #include <utility>
 
 #include "oriel/linear/dense_kernels.h"
+#include "oriel/linear/resize.h"
 #include "oriel/linear/symbolic.h"
 
 namespace oriel {
-namespace {
-
-// Subtrees are cut at this share of all flops, and only where there is enough work to be worth a task. Functions of
-// the structure, never of the number of threads.
-constexpr double kLargestTask = 1.0 / 12, kSmallestTask = 1.0 / 512;
-constexpr double kWorthTasks = 4e6;  // [flop]
-
-// Flops of p steps of Cholesky on n rows, lower triangle: Σ (n - j)², multiplications and additions.
-double front_flops(const Front& f) {
-  const double n = f.n, m = f.n - f.p;
-  return (n * (n + 1) * (2 * n + 1) - m * (m + 1) * (2 * m + 1)) / 6.0;
-}
-
-std::int64_t update_size(const Front& f) { return static_cast<std::int64_t>(f.update_ld) * (f.n - f.p); }
-
-}  // namespace
 
 void Symbolic::clear_layout() {
   fronts_.clear(), pivots_.clear(), row_blocks_.clear(), row_offsets_.clear();
@@ -82,7 +67,7 @@ void Symbolic::sort_rows() {
     total += f.row_blocks;
     f.row_blocks = 0;
   }
-  row_blocks_.resize(total);
+  resize_with_room(row_blocks_, static_cast<std::size_t>(total));
   for (int k = 0; k < n; ++k) {
     for (int q = bucket_begin_[k]; q < bucket_begin_[k + 1]; ++q) {
       Front& f = fronts_[bucket_[q]];
@@ -92,7 +77,7 @@ void Symbolic::sort_rows() {
 }
 
 void Symbolic::place_rows(std::size_t first) {
-  row_offsets_.resize(row_blocks_.size());
+  resize_with_room(row_offsets_, row_blocks_.size());
   for (std::size_t i = first; i < fronts_.size(); ++i) {
     Front& f = fronts_[i];
     int row = f.p;
@@ -105,18 +90,6 @@ void Symbolic::place_rows(std::size_t first) {
   }
 }
 
-// Whole numbers below 2^53, or halves of them: the sums are exact in any order.
-void Symbolic::sum_up() {
-  largest_front_ = 0, flops_ = 0, fill_ = 0, live_factor_ = 0;
-  for (const Front& f : fronts_) {
-    if (!f.live) continue;
-    largest_front_ = std::max(largest_front_, f.n);
-    flops_ += front_flops(f);
-    fill_ += 0.5 * f.p * (f.p + 1.0) + static_cast<double>(f.p) * (f.n - f.p);
-    live_factor_ += static_cast<std::int64_t>(f.ld) * f.p;
-  }
-}
-
 // Children by the rank of their last pivot: whatever their places, they are added to their parent in one order.
 void Symbolic::link_fronts() {
   for (Front& f : fronts_) {
@@ -125,7 +98,7 @@ void Symbolic::link_fronts() {
   }
   int total = 0;
   for (Front& f : fronts_) f.children_begin = total, total += std::exchange(f.children, 0);
-  children_.resize(total);
+  resize_with_room(children_, static_cast<std::size_t>(total));
   roots_.clear();
   for (const int b : order_) {
     const int i = front_of_block_[b];
@@ -138,23 +111,10 @@ void Symbolic::link_fronts() {
   }
 }
 
-void Symbolic::make_sequence() {
-  stack_.assign(roots_.begin(), roots_.end());
-  sequence_.clear();
-  while (!stack_.empty()) {  // a preorder, which backwards is a postorder
-    const int i = stack_.back();
-    stack_.pop_back();
-    sequence_.push_back(i);
-    const auto children = this->children(i);
-    stack_.insert(stack_.end(), children.begin(), children.end());
-  }
-  std::reverse(sequence_.begin(), sequence_.end());
-}
-
 // Rows of every matrix column by rank, in linear time: walk the rows in order.
 void Symbolic::place_matrix(const BlockPattern& pattern) {
   const int n = blocks();
-  columns_.assign(n, {});
+  std::fill(columns_.begin(), columns_.end(), MatrixColumn{});
   for (int b = 0; b < n; ++b)
     for (int neighbour : pattern.neighbours(b)) columns_[b].row_blocks += rank_[neighbour] > rank_[b];
   int rows = 0;
@@ -164,7 +124,8 @@ void Symbolic::place_matrix(const BlockPattern& pattern) {
       columns_[b].ld = dims_[b];
       rows += std::exchange(columns_[b].row_blocks, 0);
     }
-  column_rows_.resize(rows), column_offsets_.resize(rows);
+  resize_with_room(column_rows_, static_cast<std::size_t>(rows));
+  resize_with_room(column_offsets_, static_cast<std::size_t>(rows));
   for (int row : order_) {
     for (int b : pattern.neighbours(row)) {
       if (rank_[b] > rank_[row]) continue;
@@ -247,116 +208,6 @@ void Symbolic::make_spans(Front& f) {
     end = scalar + dims_[b];
   }
   f.spans = static_cast<int>(spans_.size()) - f.spans_begin;
-}
-
-void Symbolic::cut_subtrees() {
-  subtrees_.clear();
-  subtree_part_size_ = 0;
-  for (Front& f : fronts_) f.task = -1;
-  if (flops_ < kWorthTasks) return;
-  const int count = static_cast<int>(sequence_.size());
-  subtree_flops_.assign(fronts_.size(), 0.0);
-  cursor_.assign(fronts_.size(), 1);  // fronts in the subtree
-  for (const int i : sequence_) {
-    subtree_flops_[i] += front_flops(fronts_[i]);
-    if (const int up = fronts_[i].parent; up >= 0) {
-      subtree_flops_[up] += subtree_flops_[i];
-      cursor_[up] += cursor_[i];
-    }
-  }
-  for (int k = 0; k < count; ++k) {
-    const int i = sequence_[k], up = fronts_[i].parent;
-    const bool small_enough = subtree_flops_[i] <= kLargestTask * flops_;
-    const bool maximal = up < 0 || subtree_flops_[up] > kLargestTask * flops_;
-    if (!small_enough || !maximal || subtree_flops_[i] < kSmallestTask * flops_) continue;
-    subtrees_.push_back({k - cursor_[i] + 1, k});
-  }
-  std::sort(subtrees_.begin(), subtrees_.end(), [&](const Subtree& a, const Subtree& b) {
-    const double x = subtree_flops_[sequence_[a.last]], y = subtree_flops_[sequence_[b.last]];
-    return x != y ? x > y : a.first < b.first;
-  });
-  for (Subtree& tree : subtrees_) {
-    for (const int i : fronts_of(tree)) fronts_[i].task = static_cast<int>(&tree - subtrees_.data());
-    const Front& root = fronts_[sequence_[tree.last]];
-    tree.part = subtree_part_size_;
-    subtree_part_size_ += root.n - root.p;
-  }
-}
-
-// An update matrix lives from its front until its parent has taken it. In a postorder that is a stack; with fronts of
-// even and odd depth on a stack each, a front's own matrix never lies upon those of its children, and all places are
-// known beforehand. The root of a subtree outlives its task: it has a place in the shared arena.
-void Symbolic::place_updates() {
-  const int count = static_cast<int>(sequence_.size());
-  depth_.resize(fronts_.size());
-  for (int k = count - 1; k >= 0; --k) {
-    const int i = sequence_[k];
-    depth_[i] = fronts_[i].parent < 0 ? 0 : depth_[fronts_[i].parent] + 1;
-  }
-  task_arena_size_ = 0;
-  for (int t = 0; t < static_cast<int>(subtrees_.size()); ++t)
-    task_arena_size_ = std::max(task_arena_size_, place_updates(subtrees_[t].first, subtrees_[t].last - 1, t, 0));
-  if (subtrees_.empty())
-    shared_arena_size_ = place_updates(0, count - 1, -1, 0);
-  else
-    place_shared_updates();
-}
-
-// Of the roots of subtrees, which are there before the top of the tree begins, and of the top: the first gap that is
-// wide enough, where a stack would keep the places of roots that were taken long ago.
-void Symbolic::place_shared_updates() {
-  std::vector<Gap>& gaps = gaps_;  // ascending, none next to another; the top has some ten fronts
-  gaps.clear();
-  shared_arena_size_ = 0;
-  for (const Subtree& tree : subtrees_) {
-    Front& root = fronts_[sequence_[tree.last]];
-    root.update_offset = shared_arena_size_;
-    shared_arena_size_ += update_size(root);
-  }
-  auto take = [&](std::int64_t size) {
-    for (Gap& g : gaps)
-      if (g.end - g.begin >= size) return std::exchange(g.begin, g.begin + size);
-    if (!gaps.empty() && gaps.back().end == shared_arena_size_) {  // the last gap, and more
-      const std::int64_t begin = gaps.back().begin;
-      gaps.pop_back();
-      shared_arena_size_ = begin + size;
-      return begin;
-    }
-    return std::exchange(shared_arena_size_, shared_arena_size_ + size);
-  };
-  auto give = [&](Gap gap) {
-    auto next = std::find_if(gaps.begin(), gaps.end(), [&](const Gap& g) { return g.begin >= gap.end; });
-    if (next != gaps.end() && next->begin == gap.end) gap.end = next->end, next = gaps.erase(next);
-    if (next != gaps.begin() && std::prev(next)->end == gap.begin)
-      std::prev(next)->end = gap.end;
-    else
-      gaps.insert(next, gap);
-  };
-  for (const int i : sequence_) {
-    if (fronts_[i].task >= 0) continue;
-    fronts_[i].update_offset = take(update_size(fronts_[i]));
-    for (const int child : children(i))
-      give({fronts_[child].update_offset, fronts_[child].update_offset + update_size(fronts_[child])});
-  }
-}
-
-// Places the fronts of one task at [first, last] of the sequence from `base` on; returns the end.
-std::int64_t Symbolic::place_updates(int first, int last, int task, std::int64_t base) {
-  std::int64_t top[2] = {0, 0}, high[2] = {0, 0};
-  for (int k = first; k <= last; ++k) {
-    const int i = sequence_[k];
-    Front& f = fronts_[i];
-    if (f.task != task) continue;
-    const int parity = depth_[i] & 1;
-    f.update_offset = base + top[parity];
-    top[parity] += update_size(f);
-    high[parity] = std::max(high[parity], top[parity]);
-    for (int child : children(i))
-      if (fronts_[child].task == task) top[1 - parity] -= update_size(fronts_[child]);
-  }
-  for (int k = first; k <= last; ++k)
-    if (Front& f = fronts_[sequence_[k]]; f.task == task && (depth_[sequence_[k]] & 1) != 0) f.update_offset += high[0];
-  return base + high[0] + high[1];
 }
 
 }  // namespace oriel

@@ -23,7 +23,7 @@ bool Symbolic::update(const BlockPattern& pattern, std::span<const int> order, s
   for (const int i : marked_)
     for (const int b : pivots(fronts_[i]))
       live_storage_ -= static_cast<std::int64_t>(std::exchange(columns_[b].ld, 0)) * dims_[b];
-  set_dimensions(pattern, order);
+  set_dimensions_of_few(pattern, order);
   do {
     kept_changed_ = false;
     if (!gather_columns(before)) return false;
@@ -36,19 +36,28 @@ bool Symbolic::update(const BlockPattern& pattern, std::span<const int> order, s
   make_fronts();
   sort_few_rows(first);
   place_rows(first);
-  sum_up();
+  sum_up_few(first);
   link_few_fronts(first);
-  make_sequence();
+  make_schedule(first);
   place_columns(pattern, before);
   for (std::size_t i = first; i < fronts_.size(); ++i) {
     load_local_rows(fronts_[i]);
     for (const int child : children(static_cast<int>(i))) make_runs(fronts_[child]);
     make_matrix_runs(fronts_[i]);
   }
-  make_few_spans();
-  cut_subtrees();
-  place_updates();
+  make_few_spans(first);
   return true;
+}
+
+// From the first that differs on, of blocks and of the order.
+void Symbolic::set_dimensions_of_few(const BlockPattern& pattern, std::span<const int> order) {
+  const int n = pattern.blocks(), both = std::min(n, blocks());
+  int b = 0, k = 0;
+  while (b < both && dims_[b] == pattern.dim(b)) ++b;
+  while (k < both && order_[k] == order[static_cast<std::size_t>(k)]) ++k;
+  resize_columns(n);
+  for (; b < n; ++b) dims_[b] = pattern.dim(b), input_offset_[b] = pattern.offset(b);
+  for (; k < n; ++k) order_[k] = order[static_cast<std::size_t>(k)], rank_[order_[k]] = k;
 }
 
 bool Symbolic::is_sparse() const {
@@ -131,14 +140,25 @@ void Symbolic::link_few_fronts(std::size_t first) {
 }
 
 // Of the fronts that have a row among pivots that stand elsewhere now. What was made anew is closed upwards: such a
-// front has one for its last row.
-void Symbolic::make_few_spans() {
+// front has one for its last row, and where it stayed, its parent has that row as well.
+void Symbolic::make_few_spans(std::size_t first) {
   if (spans_.size() > 2 * row_blocks_.size()) return make_spans();
   std::vector<char>& is_moved = is_marked_;
   is_moved.assign(dims_.size(), 0);
   for (const int b : nodes_) is_moved[b] = is_root_[b] == 0;
-  for (Front& f : fronts_)
-    if (f.live && f.row_blocks > 0 && is_moved[row_blocks_[f.rows_begin + f.row_blocks - 1]] != 0) make_spans(f);
+  for (std::size_t i = first; i < fronts_.size(); ++i) make_spans(fronts_[i]);
+  stack_.clear();
+  for (const int b : nodes_)
+    if (is_root_[b] != 0) stack_.push_back(front_of_block_[b]);
+  while (!stack_.empty()) {
+    const int i = stack_.back();
+    stack_.pop_back();
+    Front& f = fronts_[i];
+    if (f.row_blocks == 0 || is_moved[row_blocks_[f.rows_begin + f.row_blocks - 1]] == 0) continue;
+    make_spans(f);
+    const auto children = this->children(i);
+    stack_.insert(stack_.end(), children.begin(), children.end());
+  }
 }
 
 // Few of many: each sorted by itself.

@@ -41,7 +41,8 @@ class Engine {
   virtual std::string_view name() const = 0;
   virtual EngineCapabilities capabilities() const noexcept = 0;
   // Looks at what changed since it last did. solve, cost, contents and joint_covariance do so themselves: this is for
-  // whoever wants it done at another time, or measured.
+  // whoever wants it done at another time, or measured. Like a solve it is a step: what an engine keeps from solve to
+  // solve may go on here (the elimination order of a large graph), which questions leave as it is.
   virtual Result<void> sync() noexcept = 0;
   // Looks at what changed, solves, and gives the graph the values (Graph::adopt) unless the solve failed; then the
   // graph is as it was. What it is asked for and cannot do it refuses (Reason::refused).

@@ -28,7 +28,7 @@ SolveOptions NativeEngine::for_question() const {
   return options;
 }
 
-Result<void> NativeEngine::sync() noexcept { return sync(for_question(), For::question); }
+Result<void> NativeEngine::sync() noexcept { return sync(for_question(), For::solve); }
 
 void NativeEngine::restore(const SolverState& state) {
   if (!(state.order == state_.order)) structure_version_ = ~std::uint64_t{0}, has_asked_ = false;

@@ -59,7 +59,8 @@ class NativeEngine final : public Engine {
  private:
   friend class Minimizer;
 
-  // A question between solves leaves the state as it is: who solves the same without asking has the same bits.
+  // A question between solves leaves the state as it is: who solves the same without asking has the same bits. A sync
+  // that somebody calls is no question.
   enum class For { solve, question };
   Result<void> sync(const SolveOptions& options, For what);
   SolveOptions for_question() const;

@@ -1,0 +1,16 @@
+// Vectors of a structure that follows a graph: a little more than before is the rule.
+#pragma once
+#include <cstddef>
+#include <vector>
+
+namespace oriel {
+
+// With room for an eighth more, so that what grows a little does not move at once; pages that nobody writes cost
+// nothing.
+template <class T>
+void resize_with_room(std::vector<T>& v, std::size_t n) {
+  if (v.capacity() < n) v.reserve(n + n / 8);
+  v.resize(n);
+}
+
+}  // namespace oriel
