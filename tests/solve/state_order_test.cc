@@ -1,5 +1,5 @@
 // The elimination order of a large graph is state: who asks between solves, drops caches or restores gets the bits of
-// who does not.
+// who does not. A sync that is called is no question: it is a step, as a solve is.
 #include <gtest/gtest.h>
 
 #include "oriel/graph/fingerprint.h"
@@ -30,7 +30,7 @@ struct LargeDrive {
   }
 };
 
-enum class Meanwhile { nothing, asks, drops_caches, restores };
+enum class Meanwhile { nothing, asks, drops_caches, restores, syncs, syncs_and_drops_caches };
 
 std::vector<std::uint64_t> drive(Meanwhile what) {
   LargeDrive d;
@@ -48,8 +48,11 @@ std::vector<std::uint64_t> drive(Meanwhile what) {
     if (what == Meanwhile::asks) {
       engine.cost();
       EXPECT_TRUE(engine.linearize(false));
+    }
+    if (what == Meanwhile::syncs || what == Meanwhile::syncs_and_drops_caches) {
       EXPECT_TRUE(engine.sync());
     }
+    if (what == Meanwhile::syncs_and_drops_caches) engine.drop_caches();
     d.grow(50);
     if (what == Meanwhile::asks) engine.cost();
     if (what == Meanwhile::drops_caches) engine.drop_caches();
@@ -70,6 +73,21 @@ TEST(StateOrder, IsThatOfSolvesAloneWhateverIsAskedBetweenThem) {
   EXPECT_EQ(drive(Meanwhile::asks), bits);
   EXPECT_EQ(drive(Meanwhile::drops_caches), bits);
   EXPECT_EQ(drive(Meanwhile::restores), bits);
+  EXPECT_EQ(drive(Meanwhile::syncs_and_drops_caches), drive(Meanwhile::syncs));
+}
+
+// Whoever syncs again and again without a solve pays for what changed.
+TEST(StateOrder, GoesOnWithEachSync) {
+  LargeDrive d;
+  NativeEngine engine(d.graph);
+  d.grow(20100);
+  for (int k = 0; k < 5; ++k) {
+    ASSERT_TRUE(engine.sync());
+    EXPECT_EQ(engine.state().order.made, 1u);
+    EXPECT_EQ(engine.state().order.serials.size(), d.poses.size());
+    EXPECT_EQ(engine.structure().factorization().updates(), k);
+    d.grow(100);
+  }
 }
 
 }  // namespace

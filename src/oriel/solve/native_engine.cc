@@ -36,7 +36,7 @@ void NativeEngine::restore(const SolverState& state) {
 }
 
 double NativeEngine::cost() noexcept {
-  if (!sync()) return HUGE_VAL;
+  if (!sync(for_question(), For::question)) return HUGE_VAL;
   point_.take(*graph_);
   linearizer_.evaluate(*graph_, structure_, point_, nullptr, active_, nullptr);
   return active_.total;
