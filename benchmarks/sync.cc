@@ -137,6 +137,32 @@ struct Row {
   }
 };
 
+constexpr int kSyncs = 50;
+struct Mean {
+  double ms = 0.0;
+  int orders = 0;
+};
+
+// Of many syncs one after the other, those included that make the order anew.
+template <class Pose>
+Mean mean_of(int variables, bool removes) {
+  Drive<Pose> drive;
+  NativeEngine engine(drive.graph);
+  drive.add_newest(variables);
+  check(engine.sync().ok(), "no sync");
+  const std::uint64_t made = engine.state().order.made;
+  Mean mean;
+  for (int i = 0; i < kSyncs; ++i) {
+    if (removes && i % 2 == 1)
+      drive.remove_newest(variables / 100);
+    else
+      drive.add_newest(variables / 100);
+    mean.ms += milliseconds([&] { check(engine.sync().ok(), "no sync"); }) / kSyncs;
+  }
+  mean.orders = static_cast<int>(engine.state().order.made - made);
+  return mean;
+}
+
 template <class Pose>
 int run(int variables, int runs) {
   const int change = variables / 100;
@@ -165,9 +191,16 @@ int run(int variables, int runs) {
     drive.set_losses(i);
     losses.add(measure(drive.graph, engine, structure, elimination, linearizer));
   }
+  const double anew = median(first.engine);
+  Mean growing = mean_of<Pose>(variables, false), in_turn = mean_of<Pose>(variables, true);
   std::printf("%d variables, medians of %d runs [ms]\n%-44s %8s %8s %8s %8s %8s   of a first sync, structure\n",
               variables, runs, "", "sync", "struct.", "order", "symbolic", "packing");
   for (const Row* r : {&first, &grown, &again, &cut, &anywhere, &losses}) r->print(first);
+  std::printf(
+      "means of %d syncs: 1 %% added each time %.2f ms, %.1f %% (the order made anew %d times); added and removed in "
+      "turn %.2f ms, %.1f %% (%d times)\n",
+      kSyncs, growing.ms, 100.0 * growing.ms / anew, growing.orders, in_turn.ms, 100.0 * in_turn.ms / anew,
+      in_turn.orders);
   return 0;
 }
 

@@ -8,9 +8,11 @@
 namespace oriel {
 namespace {
 
-constexpr std::size_t kLargestDrift = 8;  // of an order: an eighth of its variables
-constexpr double kMostWork = 2.0;         // times the work when the order was made
-constexpr std::size_t kLateShare = 16;    // the newest sixteenth is eliminated last
+// Of an order: as many variables as it was made of. What it costs by then is known by the work; where much has gone,
+// that says little.
+constexpr std::size_t kLargestDrift = 1;
+constexpr double kMostWork = 2.0;       // times the work when the order was made
+constexpr std::size_t kLateShare = 16;  // the newest sixteenth is eliminated last
 
 }  // namespace
 
@@ -24,7 +26,7 @@ bool LinearStructure::arrange(const FactorOptions& options, const EliminationOrd
     find_places(order);
   const std::size_t gone = order.serials.size() - order_.size(), before = order_.size();
   f.drift = order.drift + gone + kept_.size() - before;
-  if (f.drift * kLargestDrift > order.made_of) return false;
+  if (f.drift > kLargestDrift * order.made_of) return false;
   if (before < kept_.size()) append_new();
   return true;
 }

@@ -166,6 +166,7 @@ class Symbolic {
   void sort_few_rows(std::size_t first);
   void place_columns(const BlockPattern& pattern, int before);
   bool is_sparse() const;
+  void close_factor();
   // symbolic_layout.cc: from supernodes to addresses.
   void clear_layout();
   void make_fronts();

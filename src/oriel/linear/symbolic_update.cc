@@ -39,6 +39,7 @@ bool Symbolic::update(const BlockPattern& pattern, std::span<const int> order, s
   sum_up_few(first);
   link_few_fronts(first);
   make_schedule(first);
+  if (has_many_holes(factor_size_, live_factor_)) close_factor();
   place_columns(pattern, before);
   for (std::size_t i = first; i < fronts_.size(); ++i) {
     load_local_rows(fronts_[i]);
@@ -65,8 +66,18 @@ bool Symbolic::is_sparse() const {
   if (has_grown(children_.size(), analyzed_.children) || has_grown(runs_.size(), analyzed_.runs) ||
       has_grown(matrix_runs_.size(), analyzed_.matrix_runs) || has_grown(column_rows_.size(), analyzed_.column_rows))
     return false;
-  return !has_many_holes(factor_size_, live_factor_) && !has_many_holes(storage_size_, live_storage_) &&
+  return !has_many_holes(storage_size_, live_storage_) &&
          !has_many_holes(static_cast<std::int64_t>(fronts_.size()), static_cast<std::int64_t>(sequence_.size()));
+}
+
+// The factor without holes: nothing stands in it between two factorizations. (What is made anew is the top of the tree
+// each time, which is most of it.)
+void Symbolic::close_factor() {
+  factor_size_ = 0;
+  for (const int i : sequence_) {
+    fronts_[i].offset = factor_size_;
+    factor_size_ += static_cast<std::int64_t>(fronts_[i].ld) * fronts_[i].p;
+  }
 }
 
 // The fronts of these columns, and all above them. False where they are too many.
