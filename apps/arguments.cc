@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <iterator>
 #include <utility>
 
 #include "apps/engine_choice.h"
@@ -61,7 +60,7 @@ void add_start_option(CLI::App& command, std::string& choice) {
 
 void add_engine_option(CLI::App& command, std::string& choice) {
   command.add_option("--engine", choice, "native, or ceres where it is built (oriel-ceres)")
-      ->check(one_of({std::begin(kEngines), std::end(kEngines)}))
+      ->check(one_of(engines().list()))
       ->capture_default_str();
 }
 

@@ -146,7 +146,7 @@ std::string row_of(const Run& run) {
 Result<bool> compare_engines(const std::string& file, const CompareArguments& a, const Solutions& solutions,
                              Json& engines, std::string& table) {
   bool converged = true;
-  for (const char* engine : kEngines) {
+  for (const std::string& engine : oriel::apps::engines().list()) {
     const Result<Run> run = run_engine(engine, file, a, solutions);
     if (!run) return run.error();
     table += row_of(*run);

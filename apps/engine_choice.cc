@@ -65,6 +65,18 @@ class Pipe {
 
 }  // namespace
 
+std::unique_ptr<Engine> make_engine(std::string_view name, Graph& graph) {
+  const NameTable<NamedEngine> all = engines();
+  const NamedEngine* engine = all.get(name);
+  return engine != nullptr && engine->make != nullptr ? engine->make(graph) : nullptr;
+}
+
+bool has_engine(std::string_view name) {
+  const NameTable<NamedEngine> all = engines();
+  const NamedEngine* engine = all.get(name);
+  return engine != nullptr && engine->make != nullptr;
+}
+
 Result<std::string> program_of(std::string_view engine) {
   const std::filesystem::path self = this_program();
   if (has_engine(engine)) return self.string();

@@ -7,13 +7,13 @@
 #include <vector>
 
 #include "oriel/base/result.h"
-#include "oriel/solve/engine.h"
+#include "oriel/run/run_names.h"
 
 namespace oriel::apps {
 
-inline constexpr const char* kEngines[] = {"native", "ceres"};
-
-// Of this program; null: it does not have that engine. Defined in apps/engine/, once for each program.
+// By name; those without a maker are not of this program. Defined in apps/engine/, once for each program.
+NameTable<NamedEngine> engines();
+// Null: this program does not have it.
 std::unique_ptr<Engine> make_engine(std::string_view name, Graph& graph);
 bool has_engine(std::string_view name);
 

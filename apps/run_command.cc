@@ -82,8 +82,8 @@ int run(const CLI::App& command, const RunArguments& a) {
   for (const Error& e : reading.errors) refuse(e);
   if (!reading.errors.empty()) return kBadInput;
   if (!has_engine(reading.config.engine)) return refuse(become_one_with(reading.config.engine));
-  const Result<int> exit_code = reading.config.task == RunTask::two_frame ? track_instead(command, reading.config, a)
-                                                                          : run_and_report(reading.config, a);
+  const Result<int> exit_code = reading.config.task == "two_frame" ? track_instead(command, reading.config, a)
+                                                                   : run_and_report(reading.config, a);
   return exit_code ? *exit_code : refuse(exit_code.error());
 }
 
@@ -95,7 +95,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_option("RECORDING", a->recording, "Folder that `oriel import` made")->required();
   add_engine_option(*command, a->engine);
   command->add_option("--executor", a->executor, "Where the window's solves run: in place, in a thread, in a process")
-      ->check(one_of({"inline", "thread", "process"}))
+      ->check(one_of(shipped_executors().list()))
       ->capture_default_str();
   command->add_option("--config", a->config, "Settings of the run (YAML); `oriel config` prints them all");
   command->add_option("--json", a->json, "Report as one object; - is standard output");

@@ -31,10 +31,10 @@ constexpr std::initializer_list<const char*> kSources = {"previous", "map"};
 // The config where one is given; then what the command line says beside it.
 RunConfigReading settings(const CLI::App& command, const TrackArguments& a) {
   RunConfigReading reading;
-  reading.config.task = RunTask::two_frame;
+  reading.config.task = "two_frame";
   if (!a.config.empty()) reading = read_run_config(a.config);
   RunConfig& c = reading.config;
-  if (reading.errors.empty() && c.task != RunTask::two_frame)
+  if (reading.errors.empty() && c.task != "two_frame")
     reading.errors.push_back(
         {ErrorCode::bad_input, "expected the task two_frame; oriel run takes the others", a.config});
   if (reading.errors.empty() && c.engine != "native")
@@ -66,7 +66,7 @@ void add_track_command(CLI::App& app, int& exit_code) {
           "Folder that `oriel import` made, or one with calib.yaml (stereo tracks) or cam0_sensor.yaml (EuRoC)")
       ->required();
   command->add_option("--executor", a->executor, "Where the tasks run: in place, in a thread, in a process")
-      ->check(one_of({"inline", "thread", "process"}))
+      ->check(one_of(shipped_executors().list()))
       ->capture_default_str();
   command->add_option("--residual", a->residual, "What is compared")
       ->check(one_of({kResiduals.begin(), kResiduals.end()}))

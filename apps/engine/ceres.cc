@@ -1,16 +1,14 @@
 // The engines of the program oriel-ceres.
 #include "apps/engine_choice.h"
 #include "oriel/engines/ceres/ceres_engine.h"
-#include "oriel/solve/native_engine.h"
 
 namespace oriel::apps {
 
-bool has_engine(std::string_view name) { return name == "native" || name == "ceres"; }
-
-std::unique_ptr<Engine> make_engine(std::string_view name, Graph& graph) {
-  if (name == "native") return std::make_unique<NativeEngine>(graph);
-  if (name == "ceres") return std::make_unique<CeresEngine>(graph);
-  return nullptr;
+NameTable<NamedEngine> engines() {
+  NameTable<NamedEngine> all = shipped_engines();
+  const auto make = [](Graph& graph) -> std::unique_ptr<Engine> { return std::make_unique<CeresEngine>(graph); };
+  check(all.replace("ceres", {make, "Ceres Solver."}).ok(), "the engine ceres has a name");
+  return all;
 }
 
 }  // namespace oriel::apps

@@ -261,7 +261,7 @@ TEST_F(ExecutorTest, IsChosenByAWord) {
   EXPECT_EQ(*executor_kind("process"), ExecutorKind::process);
   const auto unknown = executor_kind("gpu");
   ASSERT_FALSE(unknown);
-  EXPECT_EQ(unknown.error().message, "expected an executor inline, thread or process, found 'gpu'");
+  EXPECT_EQ(unknown.error().message, "unknown executor 'gpu'; expected one of inline, thread, process");
 }
 
 }  // namespace

@@ -3,35 +3,44 @@
 #include <string>
 #include <vector>
 
-#include "oriel/run/executor.h"
+#include "oriel/run/run_names.h"
 #include "oriel/run/two_frame_task.h"
 #include "oriel/window/odometry_options.h"
 
 namespace oriel {
 
-// What a recording is run through: the sliding window, or two-frame tasks (run/two_frame_odometry.h).
-enum class RunTask { inertial_odometry, two_frame };
-
 struct RunConfig {
-  RunTask task = RunTask::inertial_odometry;
+  std::string task = "inertial_odometry";
   std::string engine = "native";  // of the solves
   ExecutorKind executor = ExecutorKind::in_place;
   Duration time_limit{0};             // of a job [ns]; 0: none
   std::uint64_t memory_limit_mb = 0;  // of a worker's process; 0: none
   OdometryOptions odometry;           // of inertial_odometry
   TwoFrameOptions two_frame;          // of two_frame
+  // Of the tasks that bring settings of their own, by name (NamedTask).
+  std::vector<std::pair<std::string, AnyOptions>> own;
+  template <class O>
+  const O& options_of(std::string_view own_task) const {
+    for (const auto& [name, options] : own)
+      if (name == own_task) return options.template as<O>();
+    contract_violated("RunConfig: the task has no options of its own");
+  }
 };
+// With the defaults of the tasks that bring settings.
+RunConfig default_run_config(const RunNames& names);
 
-// The config, checked whole: wrong types, numbers out of their range, missing and unknown keys, each an error with file
-// and line. Empty errors: all is well. The keys `task` and `executor` must be there; all others have defaults.
+// The config, checked whole: wrong types, numbers out of their range, unknown names, missing and unknown keys, each an
+// error with file and line. Empty errors: all is well. The keys `task` and `executor` must be there; all others have
+// defaults.
 struct RunConfigReading {
   RunConfig config;
   std::vector<Error> errors;
 };
-RunConfigReading read_run_config(const std::string& path);
-RunConfigReading parse_run_config(std::string text, const std::string& name);
+RunConfigReading read_run_config(const std::string& path, const RunNames& names = shipped_names());
+RunConfigReading parse_run_config(std::string text, const std::string& name, const RunNames& names = shipped_names());
 
 // Every key with its value in `config`, its unit and a sentence, as a file that read_run_config takes.
-std::string run_config_text(const RunConfig& config = {});
+std::string run_config_text(const RunConfig& config, const RunNames& names = shipped_names());
+std::string run_config_text(const RunNames& names = shipped_names());  // of the defaults
 
 }  // namespace oriel

@@ -5,29 +5,21 @@ namespace {
 
 constexpr double kTiny = 1e-12, kHuge = 1e12;
 
-constexpr Word kTasks{"inertial_odometry two_frame", [](const RunConfig& c) { return static_cast<int>(c.task); },
-                      [](RunConfig& c, int i) { c.task = static_cast<RunTask>(i); }};
-constexpr Word kExecutors{"inline thread process", [](const RunConfig& c) { return static_cast<int>(c.executor); },
-                          [](RunConfig& c, int i) { c.executor = static_cast<ExecutorKind>(i); }};
-constexpr Word kEngines{"native ceres", [](const RunConfig& c) { return c.engine == "ceres" ? 1 : 0; },
-                        [](RunConfig& c, int i) { c.engine = i == 1 ? "ceres" : "native"; }};
-constexpr Word kLandmarks{"by-cameras inverse-depth point",
-                          [](const RunConfig& c) { return static_cast<int>(c.odometry.visual.landmarks); },
-                          [](RunConfig& c, int i) { c.odometry.visual.landmarks = static_cast<LandmarkModel>(i); }};
+using namespace setting;
 
-constexpr Word kResiduals{"points pixel disparity stereo",
-                          [](const RunConfig& c) { return static_cast<int>(c.two_frame.residual); },
-                          [](RunConfig& c, int i) { c.two_frame.residual = static_cast<MatchResidual>(i); }};
-constexpr Word kCoordinates{"previous world",
-                            [](const RunConfig& c) { return static_cast<int>(c.two_frame.coordinates); },
-                            [](RunConfig& c, int i) { c.two_frame.coordinates = static_cast<MatchCoordinates>(i); }};
-constexpr Word kSources{"previous map", [](const RunConfig& c) { return static_cast<int>(c.two_frame.source); },
-                        [](RunConfig& c, int i) { c.two_frame.source = static_cast<MatchSource>(i); }};
+const Word kLandmarks("by-cameras inverse-depth point",
+                      [](RunConfig& c) -> LandmarkModel& { return c.odometry.visual.landmarks; });
+const Word kResiduals("points pixel disparity stereo", member<&RunConfig::two_frame, &TwoFrameOptions::residual>);
+const Word kCoordinates("previous world", member<&RunConfig::two_frame, &TwoFrameOptions::coordinates>);
+const Word kSources("previous map", member<&RunConfig::two_frame, &TwoFrameOptions::source>);
+
+Word executor_words(const NameTable<ExecutorKind>& table) {
+  std::vector<std::pair<std::string, int>> words;
+  for (const auto& [name, kind] : table.items()) words.emplace_back(name, static_cast<int>(kind));
+  return {words, member<&RunConfig::executor>};
+}
 
 const ConfigKey kKeys[] = {
-    {"", "task", kTasks, "-", "What is run.", true},
-    {"", "executor", kExecutors, "-", "Where it is solved: in place, in a thread, in a child process.", true},
-    {"", "engine", kEngines, "-", "What solves it."},
     {"", "time_limit", Seconds{[](RunConfig& c) -> Duration& { return c.time_limit; }, true}, "s",
      "A job that takes longer is given up; 0: none."},
     {"", "memory_limit", Count{[](RunConfig& c) -> std::uint64_t& { return c.memory_limit_mb; }}, "MB",
@@ -186,6 +178,14 @@ const ConfigKey kKeys[] = {
 
 }  // namespace
 
-std::span<const ConfigKey> run_config_keys() { return kKeys; }
+std::vector<ConfigKey> run_config_keys(const RunNames& names) {
+  std::vector<ConfigKey> keys = {
+      {"", "task", Choice{names.tasks.list(), member<&RunConfig::task>}, "-", "What is run.", true},
+      {"", "executor", executor_words(names.executors), "-",
+       "Where it is solved: in place, in a thread, in a child process.", true},
+      {"", "engine", Choice{names.engines.list(), member<&RunConfig::engine>}, "-", "What solves it."}};
+  keys.insert(keys.end(), std::begin(kKeys), std::end(kKeys));
+  return keys;
+}
 
 }  // namespace oriel::io_detail

@@ -6,23 +6,6 @@
 
 namespace oriel {
 
-namespace {
-constexpr std::array<std::pair<std::string_view, ExecutorKind>, 3> kKinds{
-    {{"inline", ExecutorKind::in_place}, {"thread", ExecutorKind::thread}, {"process", ExecutorKind::process}}};
-}  // namespace
-
-Result<ExecutorKind> executor_kind(std::string_view word) {
-  for (const auto& [name, kind] : kKinds)
-    if (name == word) return kind;
-  return Error{ErrorCode::not_found,
-               "expected an executor inline, thread or process, found '" + std::string(word) + "'"};
-}
-const char* name_of(ExecutorKind kind) {
-  for (const auto& [name, k] : kKinds)
-    if (k == kind) return name.data();
-  return "";
-}
-
 const char* name_of(JobStatus status) {
   switch (status) {
     case JobStatus::none:

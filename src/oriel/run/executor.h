@@ -23,9 +23,8 @@ namespace oriel {
 
 enum class ExecutorKind { in_place, thread, process };
 
-// By the words of a config: "inline", "thread", "process". An unknown one is an error that lists these.
+// By the words of a config (run_names.h): "inline", "thread", "process". An unknown one is an error that lists these.
 Result<ExecutorKind> executor_kind(std::string_view word);
-const char* name_of(ExecutorKind kind);
 
 struct ExecutorOptions {
   // What a submit does while another job is in flight: refused as busy; or it waits until that one is written back, and

@@ -18,22 +18,41 @@ class NameTable {
 
   // An error of code duplicate where the name is taken.
   Result<void> add(std::string name, T value) {
-    for (const auto& [known, unused] : items_)
-      if (known == name) return Error{ErrorCode::duplicate, "two of kind " + what_ + " are named '" + name + "'"};
+    if (get(name) != nullptr) return Error{ErrorCode::duplicate, "two of kind " + what_ + " are named '" + name + "'"};
     items_.emplace_back(std::move(name), std::move(value));
     return {};
   }
+  // For what is known to be another's: an error of code not_found where the name is not.
+  Result<void> replace(std::string_view name, T value) {
+    for (auto& [known, old] : items_)
+      if (known == name) return old = std::move(value), Result<void>{};
+    return unknown(name);
+  }
   // An error of code not_found that lists what there is.
   Result<T> find(std::string_view name) const {
+    if (const T* value = get(name)) return *value;
+    return unknown(name);
+  }
+  const T* get(std::string_view name) const {  // null: none
     for (const auto& [known, value] : items_)
-      if (known == name) return value;
-    return Error{ErrorCode::not_found, "unknown " + what_ + " '" + std::string(name) + "'; expected one of " + names()};
+      if (known == name) return &value;
+    return nullptr;
+  }
+  Error unknown(std::string_view name) const {
+    return {ErrorCode::not_found, "unknown " + what_ + " '" + std::string(name) + "'; expected one of " + names()};
   }
   std::string names() const {
     std::string all;
     for (const auto& [name, unused] : items_) all += (all.empty() ? "" : ", ") + name;
     return all.empty() ? "none, since none was added" : all;
   }
+  std::vector<std::string> list() const {
+    std::vector<std::string> all;
+    for (const auto& [name, unused] : items_) all.push_back(name);
+    return all;
+  }
+  const std::vector<std::pair<std::string, T>>& items() const { return items_; }  // in the order in which they came
+  const std::string& what() const { return what_; }
   std::size_t size() const { return items_.size(); }
 
  private:

@@ -1,0 +1,56 @@
+#include "oriel/run/run_names.h"
+
+#include "oriel/run/solve_beside.h"
+#include "oriel/run/two_frame_task.h"
+#include "oriel/solve/native_engine.h"
+
+namespace oriel {
+namespace {
+
+// The names are the library's own: two of them alike are a bug.
+template <class T>
+struct Filler {
+  NameTable<T> table;
+  Filler& operator()(const char* name, T value) {
+    check(table.add(name, std::move(value)).ok(), "two shipped names are alike");
+    return *this;
+  }
+};
+
+}  // namespace
+
+NameTable<NamedLoss> shipped_losses() {
+  Filler<NamedLoss> add{NameTable<NamedLoss>("loss")};
+  add("huber", {Huber(1.0), "Squares up to SCALE, then the length."});
+  add("cauchy", {Cauchy(1.0), "Grows as a logarithm."});
+  add("geman-mcclure", {GemanMcClure(1.0), "Levels off at SCALE^2."});
+  add("tukey", {Tukey(1.0), "Flat beyond SCALE, without a kink."});
+  add("truncated", {TruncatedSquares(1.0), "Squares up to SCALE, then flat."});
+  add("barron", {Barron(1.0, 0.0), "Of shape ALPHA: 2 squares, 1 pseudo-Huber, 0 Cauchy, -inf Welsch.", true});
+  return add.table;
+}
+
+NameTable<NamedEngine> shipped_engines() {
+  Filler<NamedEngine> add{NameTable<NamedEngine>("engine")};
+  add("native", {[](Graph& graph) -> std::unique_ptr<Engine> { return std::make_unique<NativeEngine>(graph); },
+                 "The library's own."});
+  add("ceres", {nullptr, "Ceres Solver; oriel::ceres has its maker."});
+  return add.table;
+}
+
+NameTable<ExecutorKind> shipped_executors() {
+  Filler<ExecutorKind> add{NameTable<ExecutorKind>("executor")};
+  add("inline", ExecutorKind::in_place)("thread", ExecutorKind::thread)("process", ExecutorKind::process);
+  return add.table;
+}
+
+Result<ExecutorKind> executor_kind(std::string_view word) { return shipped_executors().find(word); }
+
+NameTable<NamedTask> shipped_tasks() {
+  Filler<NamedTask> add{NameTable<NamedTask>("task")};
+  add("inertial_odometry", {"Visual-inertial odometry over a sliding window.", &SolveBeside::kTask});
+  add("two_frame", {"Stereo odometry, one frame against another.", &kTaskOps<TwoFrameTask>});
+  return add.table;
+}
+
+}  // namespace oriel
