@@ -17,7 +17,7 @@ int refuse_all(const std::vector<Error>& errors) {
 }
 
 int print_config(const std::string& file) {
-  RunConfig config;
+  RunConfig config = default_run_config(shipped_names());
   if (!file.empty()) {
     RunConfigReading reading = read_run_config(file);
     if (!reading.errors.empty()) return refuse_all(reading.errors);

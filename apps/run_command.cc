@@ -13,6 +13,7 @@
 #include "apps/engine_choice.h"
 #include "apps/landmark_option.h"
 #include "apps/run_recording.h"
+#include "apps/run_window.h"
 #include "apps/track_recording.h"
 #include "oriel/io/run_config.h"
 #include "oriel/run/solve_beside.h"
@@ -55,7 +56,10 @@ Result<int> run_and_report(const RunConfig& config, const RunArguments& a) {
   options.worker.limits.memory_bytes = config.memory_limit_mb * 1'000'000;
   options.journal = a.journal;
   options.progress = ::isatty(STDERR_FILENO) == 1;
-  const Result<RunReport> report = run_recording(*recording, options);
+  const bool general = config.task == "sliding_window";
+  const Result<RunReport> report =
+      general ? run_window(*recording, config, shipped_names(), options.worker, options.progress)
+              : run_recording(*recording, options);
   if (!report) return report.error();
   if (!a.out.empty())
     if (auto ok = write_tum(a.out, report->causal); !ok) return ok.error();
@@ -66,12 +70,17 @@ Result<int> run_and_report(const RunConfig& config, const RunArguments& a) {
   return std::isnan(report->initialised_after_s) ? kNotConverged : kSolved;
 }
 
-// By the task of the config; what only a window has is refused.
-Result<int> track_instead(const CLI::App& command, const RunConfig& config, const RunArguments& a) {
+// What only the odometry has.
+Result<void> refuse_options(const CLI::App& command, const RunConfig& config) {
   for (const char* option : {"--journal", "--landmarks"})
-    if (command.count(option) > 0)
+    if (command.count(option) > 0 && config.task != "inertial_odometry")
       return Error{ErrorCode::bad_input,
-                   std::string(option) + ": expected the task inertial_odometry, found two_frame"};
+                   std::string(option) + ": expected the task inertial_odometry, found " + config.task};
+  return {};
+}
+
+// By the task of the config.
+Result<int> track_instead(const RunConfig& config, const RunArguments& a) {
   if (config.engine != "native")
     return Error{ErrorCode::bad_input, "expected the engine native for the task two_frame, found " + config.engine};
   return track_and_report(config, a.recording, {a.json, a.out, ""});
@@ -82,8 +91,9 @@ int run(const CLI::App& command, const RunArguments& a) {
   for (const Error& e : reading.errors) refuse(e);
   if (!reading.errors.empty()) return kBadInput;
   if (!has_engine(reading.config.engine)) return refuse(become_one_with(reading.config.engine));
-  const Result<int> exit_code = reading.config.task == "two_frame" ? track_instead(command, reading.config, a)
-                                                                   : run_and_report(reading.config, a);
+  if (auto ok = refuse_options(command, reading.config); !ok) return refuse(ok.error());
+  const Result<int> exit_code =
+      reading.config.task == "two_frame" ? track_instead(reading.config, a) : run_and_report(reading.config, a);
   return exit_code ? *exit_code : refuse(exit_code.error());
 }
 

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -12,9 +11,7 @@
 #include "apps/command.h"
 #include "apps/engine_choice.h"
 #include "apps/recording_rig.h"
-#include "oriel/base/percentile.h"
-#include "oriel/evaluate/associate.h"
-#include "oriel/evaluate/ate.h"
+#include "apps/recording_run.h"
 #include "oriel/io/journal.h"
 #include "oriel/run/beside_engine.h"
 #include "oriel/testing/allocation_counter.h"
@@ -24,19 +21,7 @@ namespace oriel::apps {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr Duration kMaxStampDifference{10'000'000};  // of an estimate and its truth [ns]
 constexpr std::size_t kMostWarnings = 20;
-
-ImuNoise noise_of(const RecordedImuNoise& n) {
-  return {n.gyroscope_noise_density, n.accelerometer_noise_density, n.gyroscope_random_walk,
-          n.accelerometer_random_walk};
-}
-
-std::vector<TumPose> tum_of(const Trajectory& trajectory) {
-  std::vector<TumPose> out;
-  for (const auto& [time, T] : trajectory.poses()) out.push_back({time, T.t, T.R.qx, T.R.qy, T.R.qz, T.R.qw});
-  return out;
-}
 
 // Writes down what the window does.
 struct Recorder final : WindowObserver {
@@ -72,7 +57,7 @@ class Run {
     }
     if (options_.progress) std::fputs("\n", stderr);
     summarize();
-    judge();
+    judge(recording_, odometry_.causal(), odometry_.final(), report_);
     if (recorder_)
       if (auto ok = recorder_->journal.close(); !ok) return ok.error();
     return std::move(report_);
@@ -104,22 +89,14 @@ class Run {
     return {};
   }
 
-  // Up to the first sample at or after the frame: the motion is interpolated to the frame's own time. After a gap that
-  // sample is the future, and waits.
   void feed_imu(Time until) {
-    while (next_imu_ < recording_.imu.size()) {
-      const RecordedImu& s = recording_.imu[next_imu_];
-      if (s.time > until + PreintegrationOptions{}.max_gap) break;
-      ++next_imu_;
-      if (auto ok = odometry_.add_imu({s.time, s.gyro, s.accel}); !ok) warn(ok.error().text());
-      if (s.time >= until) break;
-    }
+    oriel::apps::feed_imu(recording_, until, next_imu_, [this](const ImuSample& s) {
+      if (auto ok = odometry_.add_imu(s); !ok) warn(ok.error().text());
+    });
   }
 
   void update(const RecordedFrame& frame) {
-    features_.clear();
-    for (const RecordedObservation& o : recording_.observations_of(frame))
-      features_.push_back({o.track_id, {{o.u0, o.v0}}, {{o.u1, o.v1}}, o.has_right});
+    features_of(recording_, frame, features_);
     const std::int64_t allocations = allocation_count();
     const auto began = std::chrono::steady_clock::now();
     last_ = odometry_.update({frame.time, features_});
@@ -161,12 +138,7 @@ class Run {
   }
 
   void summarize() {
-    std::sort(milliseconds_.begin(), milliseconds_.end());
-    report_.updates = static_cast<std::int64_t>(milliseconds_.size());
-    report_.update_ms_p50 = percentile(milliseconds_, 0.5);
-    report_.update_ms_p99 = percentile(milliseconds_, 0.99);
-    report_.update_ms_p999 = percentile(milliseconds_, 0.999);
-    report_.update_ms_max = percentile(milliseconds_, 1.0);
+    judge_times(milliseconds_, report_);
     report_.coverage = frames_after_ > 0 ? static_cast<double>(estimated_) / static_cast<double>(frames_after_) : 0.0;
     report_.allocations_per_update =
         steady_updates_ > 0 ? static_cast<double>(steady_allocations_) / static_cast<double>(steady_updates_) : kNone;
@@ -174,26 +146,6 @@ class Run {
       report_.dropped.emplace_back(kDropReasonNames[k], odometry_.dropped()[k]);
     report_.peak_rss_mb = peak_rss_mb();
     if (frames_after_ == 0) warn(fmt::format("never initialised: {}", last_.reason));
-  }
-
-  void judge() {
-    report_.causal = tum_of(odometry_.causal());
-    report_.final = tum_of(odometry_.final());
-    report_.states = static_cast<std::int64_t>(report_.causal.size());
-    report_.path_m = path_length(report_.causal);
-    report_.ate_m = report_.ate_final_m = report_.ate_deg = kNone;
-    const std::vector<TumPose>& truth = recording_.groundtruth;
-    const auto pairs = nearest_stamps(report_.causal, truth, kMaxStampDifference);
-    if (pairs.empty()) return;
-    report_.path_m =
-        path_length(std::span(truth).subspan(pairs.front().truth, pairs.back().truth - pairs.front().truth + 1));
-    if (const auto error = absolute_error(report_.causal, truth, pairs, Alignment::se3)) {
-      report_.ate_m = error->position.rmse;
-      report_.ate_deg = error->orientation.rmse;
-    }
-    if (const auto error = absolute_error(report_.final, truth,
-                                          nearest_stamps(report_.final, truth, kMaxStampDifference), Alignment::se3))
-      report_.ate_final_m = error->position.rmse;
   }
 
   const Recording& recording_;

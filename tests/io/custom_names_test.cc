@@ -102,7 +102,7 @@ TEST(CustomNames, AreKnownWhereTheyWereAddedAloneAndListedThere) {
   const auto shipped = parse_run_config(text, "mine.yaml");
   ASSERT_EQ(shipped.errors.size(), 3u);
   EXPECT_EQ(shipped.errors[0].text(),
-            "mine.yaml:1: expected one of inertial_odometry, two_frame for `task`, found 'smoothing'");
+            "mine.yaml:1: expected one of inertial_odometry, sliding_window, two_frame for `task`, found 'smoothing'");
   EXPECT_EQ(shipped.errors[1].text().substr(0, 36), "mine.yaml:3: unknown key 'smoothing'");
   RunNames names = my_names();
   EXPECT_EQ(names.losses.add("huber", {Huber(1.0), ""}).error().message, "two of kind loss are named 'huber'");

@@ -62,10 +62,10 @@ TEST(RunConfig, NamesWrongTypesUnknownAndMissingKeysEachWithFileAndLine) {
   EXPECT_EQ(faults("engine: native\n"), (Faults{"run.yaml:1: expected the key `task`, found none",
                                                 "run.yaml:1: expected the key `executor`, found none"}));
   EXPECT_EQ(faults("task: slam\nexecutor: inline\nexecutor: inline\n"),
-            (Faults{"run.yaml:1: expected one of inertial_odometry, two_frame for `task`, found 'slam'",
+            (Faults{"run.yaml:1: expected one of inertial_odometry, sliding_window, two_frame for `task`, found 'slam'",
                     "run.yaml:3: the key `executor` stands twice"}));
   EXPECT_EQ(faults("task: [inertial_odometry]\nexecutor: inline\nkeyframes: {max_keyframes: 2.5}\n"),
-            (Faults{"run.yaml:1: expected one of inertial_odometry, two_frame for `task`, found a list or a map",
+            (Faults{"run.yaml:1: expected one of inertial_odometry, sliding_window, two_frame for `task`, found a list or a map",
                     "run.yaml:3: expected a whole number from 2 to 1000 for `keyframes.max_keyframes`, found '2.5'"}));
   EXPECT_EQ(faults("- 1\n").size(), 1u);
   EXPECT_EQ(faults("task: {\n").size(), 1u);

@@ -18,6 +18,12 @@ void read_setting(const setting::Kind& kind, void* options, const YAML::Node& no
                        (node.IsScalar() ? quote_token(text) : std::string("a list or a map")));
 }
 
+void print_setting(std::string& out, const std::string& indent, const std::string& name, const setting::Kind& kind,
+                   void* options, const std::string& unit, const std::string& sentence, const RunNames& names) {
+  out += indent + "# " + setting_comment(kind, unit, sentence) + "\n";
+  out += indent + name + ": " + setting_text(kind, options, names.losses) + "\n";
+}
+
 }  // namespace io_detail
 
 namespace {
@@ -33,7 +39,12 @@ std::string list(const std::vector<std::string>& words) {
 class Reader {
  public:
   Reader(RunConfigReading& out, const std::string& file, const RunNames& names)
-      : config_(out.config), faults_(out.errors, file), names_(names), keys_(run_config_keys(names)) {}
+      : config_(out.config),
+        errors_(out.errors),
+        faults_(out.errors, file),
+        names_(names),
+        keys_(run_config_keys(names)),
+        parts_(out.config.window, names, file, faults_) {}
 
   void read(const YAML::Node& top) {
     if (!top.IsMap()) return faults_.add(top, "expected a map of keys and values");
@@ -41,6 +52,9 @@ class Reader {
     for (const ConfigKey& key : keys_)
       if (key.required && seen_.count(full(key.section, key.name)) == 0)
         faults_.add(top, "expected the key `" + full(key.section, key.name) + "`, found none");
+    parts_.check_references();
+    config_.window.initialisation = config_.odometry.initialisation;
+    if (errors_.empty() && config_.task == "sliding_window") put_together();
   }
 
  private:
@@ -59,8 +73,18 @@ class Reader {
         value(item.first, item.second, name, key);
     }
   }
+  // Of sensors of all kinds: whether its parts have what they need of each other.
+  void put_together() {
+    SensorSuite all;
+    all.has_imu = all.has_odometry = all.has_positions = true;
+    all.cameras = 2;
+    if (const auto window = AssembledWindow::make(config_.window, names_, all); !window)
+      errors_.push_back(window.error());
+  }
   void value(const YAML::Node& at, const YAML::Node& node, const std::string& section, const std::string& name) {
     const std::string path = full(section, name);
+    if (section == "window" && name == "policy") return parts_.read_policy(node);
+    if (section.empty() && parts_.read_list(node, name)) return;
     for (const ConfigKey& key : keys_)
       if (section == key.section && name == key.name)
         return read_setting(key.kind, &config_, node, path, names_.losses, faults_);
@@ -86,26 +110,25 @@ class Reader {
       for (const Setting& s : names_.tasks.get(task)->settings)
         if (section == task) names.push_back(s.name);
     }
+    if (section == "window") names.emplace_back("policy");
+    if (section.empty()) names.insert(names.end(), {"providers", "builders", "hooks"});
     return list(names);
   }
 
   RunConfig& config_;
+  std::vector<Error>& errors_;
   ConfigFaults faults_;
   const RunNames& names_;
   std::vector<ConfigKey> keys_;
+  PartsReader parts_;
   std::set<std::string> seen_;
 };
-
-void print_key(std::string& out, const std::string& indent, const std::string& name, const setting::Kind& kind,
-               void* options, const std::string& unit, const std::string& sentence, const RunNames& names) {
-  out += indent + "# " + setting_comment(kind, unit, sentence) + "\n";
-  out += indent + name + ": " + setting_text(kind, options, names.losses) + "\n";
-}
 
 }  // namespace
 
 RunConfig default_run_config(const RunNames& names) {
   RunConfig config;
+  config.window = default_plan(names);
   for (const auto& [name, task] : names.tasks.items())
     if (!task.settings.empty()) config.own.emplace_back(name, task.defaults);
   return config;
@@ -132,12 +155,13 @@ std::string run_config_text(const RunConfig& config, const RunNames& names) {
   std::string out, section;
   for (const ConfigKey& key : run_config_keys(names)) {
     if (section != key.section) out += "\n" + (section = key.section) + ":\n";
-    print_key(out, section.empty() ? "" : "  ", key.name, key.kind, &c, key.unit, key.sentence, names);
+    print_setting(out, section.empty() ? "" : "  ", key.name, key.kind, &c, key.unit, key.sentence, names);
   }
+  out += policy_text(config.window, names) + parts_text(config.window, names);
   for (auto& [task, options] : c.own) {
     out += "\n" + task + ":\n";
     for (const Setting& s : names.tasks.get(task)->settings)
-      print_key(out, "  ", s.name, s.kind, options.data(), s.unit, s.sentence, names);
+      print_setting(out, "  ", s.name, s.kind, options.data(), s.unit, s.sentence, names);
   }
   return out;
 }

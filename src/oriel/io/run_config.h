@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "oriel/run/assembled_window.h"
 #include "oriel/run/run_names.h"
 #include "oriel/run/two_frame_task.h"
 #include "oriel/window/odometry_options.h"
@@ -10,13 +11,14 @@
 namespace oriel {
 
 struct RunConfig {
-  std::string task = "inertial_odometry";
-  std::string engine = "native";  // of the solves
+  std::string task = "inertial_odometry";  // what a recording is run through
+  std::string engine = "native";           // of the solves
   ExecutorKind executor = ExecutorKind::in_place;
   Duration time_limit{0};             // of a job [ns]; 0: none
   std::uint64_t memory_limit_mb = 0;  // of a worker's process; 0: none
   OdometryOptions odometry;           // of inertial_odometry
   TwoFrameOptions two_frame;          // of two_frame
+  WindowPlan window;                  // of sliding_window
   // Of the tasks that bring settings of their own, by name (NamedTask).
   std::vector<std::pair<std::string, AnyOptions>> own;
   template <class O>
@@ -26,11 +28,12 @@ struct RunConfig {
     contract_violated("RunConfig: the task has no options of its own");
   }
 };
-// With the defaults of the tasks that bring settings.
+// With the defaults of the tasks that bring settings, and the parts that a window has by default.
 RunConfig default_run_config(const RunNames& names);
 
 // The config, checked whole: wrong types, numbers out of their range, unknown names, missing and unknown keys, each an
-// error with file and line. Empty errors: all is well. The keys `task` and `executor` must be there; all others have
+// error with file and line; a window is put together, for sensors of all kinds, to see whether its parts fit. Empty
+// errors: all is well. The keys `task` and `executor` must be there; all others have
 // defaults.
 struct RunConfigReading {
   RunConfig config;

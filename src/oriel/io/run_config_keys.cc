@@ -13,6 +13,9 @@ const Word kResiduals("points pixel disparity stereo", member<&RunConfig::two_fr
 const Word kCoordinates("previous world", member<&RunConfig::two_frame, &TwoFrameOptions::coordinates>);
 const Word kSources("previous map", member<&RunConfig::two_frame, &TwoFrameOptions::source>);
 
+const Word kLandmarkPolicies("keep close drop",
+                             [](RunConfig& c) -> LandmarkPolicy& { return c.window.window.marginalize.landmarks; });
+
 Word executor_words(const NameTable<ExecutorKind>& table) {
   std::vector<std::pair<std::string, int>> words;
   for (const auto& [name, kind] : table.items()) words.emplace_back(name, static_cast<int>(kind));
@@ -174,6 +177,28 @@ const ConfigKey kKeys[] = {
     {"two_frame", "greatest_depth_share",
      Real{[](RunConfig& c) -> double& { return c.two_frame.greatest_depth_share; }, kTiny, kHuge}, "-",
      "Of a point that is made: sigma of its depth over its depth."},
+    {"window", "defer", Flag{member<&RunConfig::window, &WindowPlan::defer>}, "-",
+     "A solve that one update begins is merged by the next, and the caller goes on meanwhile."},
+    {"window", "max_iterations",
+     Whole{[](RunConfig& c) -> int& { return c.window.window.solve.max_iterations; }, 1, 10000}, "-",
+     "Iterations of an update."},
+    {"window", "function_tolerance",
+     Real{[](RunConfig& c) -> double& { return c.window.window.solve.function_tolerance; }, 0.0, 1.0}, "-",
+     "Relative decrease of the cost that ends an update."},
+    {"window", "first_estimates", Flag{[](RunConfig& c) -> bool& { return c.window.window.solve.first_estimates; }},
+     "-", "Jacobians at first estimates where a prior has fixed them."},
+    {"window", "landmarks", kLandmarkPolicies, "-",
+     "Those that leaving and staying states see: stay in the prior, leave used up, or leave and are forgotten."},
+    {"window", "outlier_threshold",
+     Real{[](RunConfig& c) -> double& { return c.window.window.marginalize.outlier_threshold; }, 0.0, kHuge}, "sigma",
+     "A factor that is further off does not go into a prior; 0: all do."},
+    {"window", "keep_prior", Flag{[](RunConfig& c) -> bool& { return c.window.window.keep_prior; }}, "-",
+     "What leaves is kept as a prior; else it is forgotten."},
+    {"window", "slide_before_solve", Flag{[](RunConfig& c) -> bool& { return c.window.window.slide_before_solve; }},
+     "-", "States leave before an update's solve instead of after it."},
+    {"window", "failures_before_reset",
+     Whole{[](RunConfig& c) -> int& { return c.window.window.failures_before_reset; }, 0, 1000000}, "-",
+     "Failed solves one after the other before the window begins anew; 0: never."},
 };
 
 }  // namespace

@@ -33,4 +33,41 @@ inline std::string key_text(const YAML::Node& key) { return key.IsScalar() ? key
 void read_setting(const setting::Kind& kind, void* options, const YAML::Node& node, const std::string& path,
                   const NameTable<NamedLoss>& losses, ConfigFaults& faults);
 
+// A comment and a line.
+void print_setting(std::string& out, const std::string& indent, const std::string& name, const setting::Kind& kind,
+                   void* options, const std::string& unit, const std::string& sentence, const RunNames& names);
+
+// The parts of a window: `providers`, `builders` and `hooks` at the top, `policy` in the section `window`.
+class PartsReader {
+ public:
+  PartsReader(WindowPlan& plan, const RunNames& names, const std::string& file, ConfigFaults& faults)
+      : plan_(plan), names_(names), file_(file), faults_(faults) {}
+  // False: the key is none of these.
+  bool read_list(const YAML::Node& node, const std::string& key);
+  void read_policy(const YAML::Node& node);
+  // That each name that a part refers to is there.
+  void check_references();
+
+ private:
+  struct Referred {
+    setting::Reference::To to;
+    std::string name, path;
+    std::int64_t line;
+  };
+  bool read_part(const YAML::Node& node, const std::string& path, const NameTable<WindowPart>& table, PartChoice& out);
+  void read_settings(const YAML::Node& map, const std::string& path, const NameTable<WindowPart>& table,
+                     PartChoice& out);
+  std::string name_of(const YAML::Node& node, const std::string& path, const NameTable<WindowPart>& table);
+
+  WindowPlan& plan_;
+  const RunNames& names_;
+  const std::string& file_;
+  ConfigFaults& faults_;
+  std::vector<Referred> referred_;
+};
+
+// As YAML: the parts that there are, and others that could be, as comments.
+std::string parts_text(const WindowPlan& plan, const RunNames& names);
+std::string policy_text(const WindowPlan& plan, const RunNames& names);
+
 }  // namespace oriel::io_detail

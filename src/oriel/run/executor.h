@@ -11,6 +11,7 @@
 // One job is in flight, from submit until its result is written back (or forgotten). One caller: an executor is no more
 // than a value of its owner, and needs no locks of his.
 #pragma once
+#include <string>
 #include <string_view>
 
 #include "oriel/base/owned.h"
@@ -25,6 +26,7 @@ enum class ExecutorKind { in_place, thread, process };
 
 // By the words of a config (run_names.h): "inline", "thread", "process". An unknown one is an error that lists these.
 Result<ExecutorKind> executor_kind(std::string_view word);
+std::string name_of(ExecutorKind kind);
 
 struct ExecutorOptions {
   // What a submit does while another job is in flight: refused as busy; or it waits until that one is written back, and

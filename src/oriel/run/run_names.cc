@@ -1,7 +1,7 @@
 #include "oriel/run/run_names.h"
 
-#include "oriel/run/solve_beside.h"
 #include "oriel/run/two_frame_task.h"
+#include "oriel/run/window_solver.h"
 #include "oriel/solve/native_engine.h"
 
 namespace oriel {
@@ -45,10 +45,17 @@ NameTable<ExecutorKind> shipped_executors() {
 }
 
 Result<ExecutorKind> executor_kind(std::string_view word) { return shipped_executors().find(word); }
+std::string name_of(ExecutorKind kind) {
+  const NameTable<ExecutorKind> all = shipped_executors();
+  for (const auto& [name, k] : all.items())
+    if (k == kind) return name;
+  return {};
+}
 
 NameTable<NamedTask> shipped_tasks() {
   Filler<NamedTask> add{NameTable<NamedTask>("task")};
-  add("inertial_odometry", {"Visual-inertial odometry over a sliding window.", &SolveBeside::kTask});
+  add("inertial_odometry", {"Visual-inertial odometry over a sliding window.", &WindowSolver::kTask});
+  add("sliding_window", {"A sliding window put together of parts.", &WindowSolver::kTask});
   add("two_frame", {"Stereo odometry, one frame against another.", &kTaskOps<TwoFrameTask>});
   return add.table;
 }

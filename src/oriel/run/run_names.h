@@ -10,6 +10,7 @@
 #include "oriel/run/executor.h"
 #include "oriel/run/name_table.h"
 #include "oriel/run/setting.h"
+#include "oriel/run/window_parts.h"
 #include "oriel/solve/engine.h"
 
 namespace oriel {
@@ -45,7 +46,7 @@ NameTable<NamedEngine> shipped_engines();
 NameTable<ExecutorKind> shipped_executors();
 NameTable<NamedTask> shipped_tasks();
 
-struct RunNames {
+struct RunNames : WindowParts {  // providers, builders, hooks, policies
   NameTable<NamedTask> tasks = shipped_tasks();
   NameTable<ExecutorKind> executors = shipped_executors();
   NameTable<NamedEngine> engines = shipped_engines();

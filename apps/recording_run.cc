@@ -1,0 +1,63 @@
+#include "apps/recording_run.h"
+
+#include <limits>
+
+#include "oriel/base/percentile.h"
+#include "oriel/evaluate/associate.h"
+#include "oriel/evaluate/ate.h"
+
+namespace oriel::apps {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr Duration kMaxStampDifference{10'000'000};  // of an estimate and its truth [ns]
+
+}  // namespace
+
+ImuNoise noise_of(const RecordedImuNoise& n) {
+  return {n.gyroscope_noise_density, n.accelerometer_noise_density, n.gyroscope_random_walk,
+          n.accelerometer_random_walk};
+}
+
+std::vector<TumPose> tum_of(const Trajectory& trajectory) {
+  std::vector<TumPose> out;
+  for (const auto& [time, T] : trajectory.poses()) out.push_back({time, T.t, T.R.qx, T.R.qy, T.R.qz, T.R.qw});
+  return out;
+}
+
+void features_of(const Recording& recording, const RecordedFrame& frame, std::vector<FeatureObservation>& out) {
+  out.clear();
+  for (const RecordedObservation& o : recording.observations_of(frame))
+    out.push_back({o.track_id, {{o.u0, o.v0}}, {{o.u1, o.v1}}, o.has_right});
+}
+
+void judge(const Recording& recording, const Trajectory& causal, const Trajectory& final, RunReport& report) {
+  report.causal = tum_of(causal);
+  report.final = tum_of(final);
+  report.states = static_cast<std::int64_t>(report.causal.size());
+  report.path_m = path_length(report.causal);
+  report.ate_m = report.ate_final_m = report.ate_deg = kNone;
+  const std::vector<TumPose>& truth = recording.groundtruth;
+  const auto pairs = nearest_stamps(report.causal, truth, kMaxStampDifference);
+  if (pairs.empty()) return;
+  report.path_m =
+      path_length(std::span(truth).subspan(pairs.front().truth, pairs.back().truth - pairs.front().truth + 1));
+  if (const auto error = absolute_error(report.causal, truth, pairs, Alignment::se3)) {
+    report.ate_m = error->position.rmse;
+    report.ate_deg = error->orientation.rmse;
+  }
+  if (const auto error =
+          absolute_error(report.final, truth, nearest_stamps(report.final, truth, kMaxStampDifference), Alignment::se3))
+    report.ate_final_m = error->position.rmse;
+}
+
+void judge_times(std::vector<double>& milliseconds, RunReport& report) {
+  std::sort(milliseconds.begin(), milliseconds.end());
+  report.updates = static_cast<std::int64_t>(milliseconds.size());
+  report.update_ms_p50 = percentile(milliseconds, 0.5);
+  report.update_ms_p99 = percentile(milliseconds, 0.99);
+  report.update_ms_p999 = percentile(milliseconds, 0.999);
+  report.update_ms_max = percentile(milliseconds, 1.0);
+}
+
+}  // namespace oriel::apps
