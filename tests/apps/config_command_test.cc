@@ -48,5 +48,54 @@ TEST_F(ConfigCommand, FliesTheSameWayInAllExecutors) {
   }
 }
 
+// R9: the whole flight through a window that is put together from parts.
+TEST_F(ConfigCommand, FliesAWindowThatTheConfigPutsTogether) {
+  const std::string recording = path("recording");
+  ASSERT_EQ(oriel("import " + data("euroc_v101") + " " + recording).exit_code, 0);
+  const std::string config = write("window.yaml", "task: sliding_window\nexecutor: inline\n");
+  const CommandResult r = oriel("run " + recording + " --config " + config + " --json -");
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  const nlohmann::json o = r.json();
+  EXPECT_EQ(o["updates"], 100);
+  EXPECT_EQ(o["coverage"], 1.0);
+  EXPECT_EQ(o["states"], 99);  // it begins with the second frame
+  EXPECT_LE(o["ate_m"].get<double>(), 0.05);
+  for (const char* reason : {"outlier", "wrong_match", "uninitialised", "group_too_old"})
+    EXPECT_TRUE(o["dropped"].contains(reason)) << reason;
+  EXPECT_EQ(o["dropped"]["uninitialised"], 1);
+  const CommandResult journal = oriel("run " + recording + " --config " + config + " --journal " + path("j"));
+  EXPECT_EQ(journal.exit_code, 2);
+  EXPECT_NE(journal.err.find("--journal: expected the task inertial_odometry, found sliding_window"), std::string::npos)
+      << journal.err;
+}
+
+// R1, R4
+TEST_F(ConfigCommand, FliesAWindowOfPartsTheSameWayInAllExecutorsWithAndWithoutWaitingForItsSolves) {
+  ASSERT_EQ(oriel("simulate " + path("flight") + " --seconds 6 --camera-rate 5 --tracks 40").exit_code, 0);
+  std::string first;
+  for (const std::string defer : {"false", "true"})
+    for (const std::string executor : {"inline", "thread", "process"}) {
+      const std::string config = write("w.yaml", "task: sliding_window\nexecutor: " + executor +
+                                                     "\nwindow: {defer: " + defer + "}\nbuilders: [structureless]\n");
+      const CommandResult r = oriel("run " + path("flight") + " --config " + config + " --out " + path("out.tum"));
+      ASSERT_EQ(r.exit_code, 0) << r.err;
+      if (first.empty()) first = read(path("out.tum"));
+      EXPECT_GT(std::count(first.begin(), first.end(), '\n'), 20);
+      EXPECT_EQ(read(path("out.tum")), first) << executor << " defer " << defer;
+    }
+}
+
+// What a recording has not, by the line of the part that needs it.
+TEST_F(ConfigCommand, RefusesPartsThatNeedWhatTheRecordingHasNot) {
+  ASSERT_EQ(oriel("simulate " + path("flight") + " --seconds 3 --camera-rate 5 --tracks 20").exit_code, 0);
+  const std::string config =
+      write("w.yaml", "task: sliding_window\nexecutor: inline\nbuilders:\n  - tracks\n  - gnss\n");
+  const CommandResult r = oriel("run " + path("flight") + " --config " + config + " --json -");
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_NE(r.err.find("w.yaml:5: the builder gnss: expected a recording with positions\n"), std::string::npos)
+      << r.err;
+  EXPECT_TRUE(r.out.empty());
+}
+
 }  // namespace
 }  // namespace oriel::apps

@@ -1,5 +1,7 @@
 #include "oriel/run/registry.h"
 
+#include <utility>
+
 #include "oriel/manifold/bal_camera.h"
 #include "oriel/manifold/inverse_depth.h"
 #include "oriel/manifold/se2.h"
@@ -18,6 +20,7 @@
 #include "oriel/residual/range.h"
 #include "oriel/residual/registration.h"
 #include "oriel/residual/reprojection.h"
+#include "oriel/residual/structureless_track.h"
 #include "oriel/sensor/stereo_rig.h"
 
 namespace oriel {
@@ -33,6 +36,11 @@ void add(TypeList& types) {
 template <class... R>
 void add_each(TypeList& types) {
   (add<R>(types), ...);
+}
+
+template <int... N>
+void add_tracks(TypeList& types, std::integer_sequence<int, N...>) {
+  (types.factor<StructurelessTrack<N + 2>, IsotropicNoise>(), ...);
 }
 
 }  // namespace
@@ -54,6 +62,7 @@ TypeList shipped_types() {
   types.factor<StereoPointReprojection<double>, IsotropicNoise>();
   types.factor<MonoPointReprojection<double, 0>, IsotropicNoise>();
   types.factor<MonoPointReprojection<double, 1>, IsotropicNoise>();
+  add_tracks(types, std::make_integer_sequence<int, detail::kMostTrackViews - 1>{});
   types.factor<PointToPointd, IsotropicNoise>().factor<PointToPointd, FullNoise<3>>();
   types.factor<MatchedPixeld, FullNoise<2>>().factor<MatchedDisparityd, FullNoise<3>>();
   types.factor<MatchedStereod, FullNoise<4>>();
