@@ -162,7 +162,8 @@ class WindowRun {
   const Recording& recording_;
   AssembledWindow& window_;
   PoseRecorder poses_;
-  bool progress_, steady_ = false;  // the first state has left: the window is full
+  bool progress_, waits_ = false;
+  bool steady_ = false;  // the first state has left: the window is full
   RunReport report_;
   Time first_;
   std::size_t next_imu_ = 0;

@@ -69,6 +69,19 @@ TEST_F(ConfigCommand, FliesAWindowThatTheConfigPutsTogether) {
       << journal.err;
 }
 
+// R9: with the config that docs/config.md shows.
+TEST_F(ConfigCommand, FliesWithTheConfigOfThePage) {
+  const std::string page = read(ORIEL_SOURCE_DIR "/docs/config.md");
+  const std::size_t begin = page.find("task: sliding_window"), end = page.find("```", begin);
+  ASSERT_LT(begin, end);
+  const std::string config = write("page.yaml", page.substr(begin, end - begin));
+  ASSERT_EQ(oriel("import " + data("euroc_v101") + " " + path("recording")).exit_code, 0);
+  const CommandResult r = oriel("run " + path("recording") + " --config " + config + " --json -");
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_EQ(r.json()["coverage"], 1.0);
+  EXPECT_LE(r.json()["ate_m"].get<double>(), 0.06);
+}
+
 // R1, R4
 TEST_F(ConfigCommand, FliesAWindowOfPartsTheSameWayInAllExecutorsWithAndWithoutWaitingForItsSolves) {
   ASSERT_EQ(oriel("simulate " + path("flight") + " --seconds 6 --camera-rate 5 --tracks 40").exit_code, 0);

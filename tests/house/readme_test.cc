@@ -47,6 +47,10 @@ TEST(PageOfTheWindow, ShowsOnlyLinesOfItsTest) {
   EXPECT_GE(shown_lines("docs/window.md", "tests/window/general_window_test.cc"), 15);
 }
 
+TEST(PageOfConfigs, ShowsOnlyLinesOfItsTest) {
+  EXPECT_GE(shown_lines("docs/config.md", "tests/io/custom_parts_test.cc"), 8);
+}
+
 TEST(PageOfEngines, ShowsOnlyLinesOfItsTest) {
   EXPECT_GE(shown_lines("docs/engines.md", "tests/solve/held_directions_page_test.cc"), 9);
 }

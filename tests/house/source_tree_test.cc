@@ -233,6 +233,27 @@ TEST(Tutorials, OfAnEngineTakesLessThanEightyLines) {
   EXPECT_EQ(class_lines({"x.cc", {"class X {", "  struct Y {", "  };", "};", "class Z {", "};"}}), 4u);
 }
 
+// From one line to another, blank ones not counted; 0 where they are not there.
+std::size_t lines_between(const SourceFile& file, const std::string& first, const std::string& last) {
+  const auto a = std::find(file.lines.begin(), file.lines.end(), first);
+  const auto b = std::find(a, file.lines.end(), last);
+  if (b == file.lines.end()) return 0;
+  return static_cast<std::size_t>(std::count_if(a + 1, b, [](const std::string& l) { return !l.empty(); }));
+}
+
+// R9
+TEST(Tutorials, OfABuilderAndALossByNameTakesLessThanSixtyLines) {
+  const SourceTree& tree = project_tree();
+  const auto file =
+      std::find_if(tree.begin(), tree.end(), [](const auto& f) { return f.path == "tests/io/custom_parts_test.cc"; });
+  ASSERT_NE(file, tree.end());
+  const std::size_t lines =
+      lines_between(*file, "// ---- what the user writes ----", "// ---- and what comes of it ----");
+  EXPECT_GT(lines, 20u);
+  EXPECT_LT(lines, 60u);
+  EXPECT_EQ(lines_between({"x.cc", {"a", "1", "", "2", "b"}}, "a", "b"), 2u);
+}
+
 TEST(Behaviours, NumbersInTestsStandInTheList) {
   std::ifstream in(std::string(ORIEL_SOURCE_DIR) + "/docs/behaviours.md");
   const std::string behaviours((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());

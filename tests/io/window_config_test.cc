@@ -1,6 +1,9 @@
 // A window that is put together by a config: its parts by name, each with settings of its own (R9).
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <sstream>
+
 #include "oriel/io/run_config.h"
 
 namespace oriel {
@@ -135,6 +138,26 @@ TEST(WindowConfig, ShowsPartsThatAreNotInUseAsCommentsThatCanBeTakenAway) {
   const auto reading = parse_run_config(out, "printed");
   ASSERT_TRUE(reading.errors.empty()) << reading.errors[0] << out;
   EXPECT_EQ(names_of(reading.config.window.hooks), (Faults{"refine", "cheirality", "standstill", "gap_reset"}));
+}
+
+// What docs/config.md shows. (tests/apps flies with it.)
+TEST(WindowConfig, OfThePageIsTakenAsItStandsThere) {
+  std::ifstream in(std::string(ORIEL_SOURCE_DIR) + "/docs/config.md");
+  int shown = 0;
+  std::string yaml;
+  bool inside = false;
+  for (std::string line; std::getline(in, line);) {
+    if (line == "```yaml") {
+      inside = true, yaml.clear();
+    } else if (inside && line == "```") {
+      inside = false, ++shown;
+      const auto reading = parse_run_config(yaml, "docs/config.md");
+      EXPECT_TRUE(reading.errors.empty()) << reading.errors[0] << yaml;
+    } else if (inside) {
+      yaml += line + '\n';
+    }
+  }
+  EXPECT_EQ(shown, 2);
 }
 
 }  // namespace

@@ -32,9 +32,9 @@ namespace oriel {
 // What sensors there are: known before the first measurement.
 struct SensorSuite {
   bool has_imu = false, has_odometry = false, has_positions = false;
-  ImuNoise imu;     // of the data sheet
+  ImuNoise imu{};   // of the data sheet
   int cameras = 0;  // 2: the first sees every track
-  StereoRigd rig;
+  StereoRigd rig{};
 };
 
 // The motion since the stamp before, in the frame there, and how well it is known; and a position of the body.
