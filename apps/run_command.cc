@@ -23,6 +23,8 @@ namespace {
 
 struct RunArguments {
   std::string recording, engine = "native", executor = "inline", config, json, out, journal, landmarks = "by-cameras";
+  bool defer = false;
+  double front_end_ms = 0.0;
 };
 
 // The config where one is given; then what the command line says beside it.
@@ -32,6 +34,7 @@ RunConfigReading settings(const CLI::App& command, const RunArguments& a) {
   RunConfig& c = reading.config;
   if (command.count("--engine") > 0) c.engine = a.engine;
   if (command.count("--executor") > 0) c.executor = *executor_kind(a.executor);
+  if (a.defer) c.defer = true;
   if (command.count("--landmarks") > 0) c.odometry.visual.landmarks = landmark_model(a.landmarks);
   return reading;
 }
@@ -51,6 +54,8 @@ Result<int> run_and_report(const RunConfig& config, const RunArguments& a) {
   options.odometry = config.odometry;
   options.engine = config.engine;
   options.executor = config.executor;
+  options.defer = config.defer;
+  options.front_end_ms = a.front_end_ms;
   options.worker.zygote = zygote ? &*zygote : nullptr;
   options.worker.time_limit = config.time_limit;
   options.worker.limits.memory_bytes = config.memory_limit_mb * 1'000'000;
@@ -70,12 +75,14 @@ Result<int> run_and_report(const RunConfig& config, const RunArguments& a) {
   return std::isnan(report->initialised_after_s) ? kNotConverged : kSolved;
 }
 
-// What only the odometry has.
+// What only the odometry has, and what two frames have not.
 Result<void> refuse_options(const CLI::App& command, const RunConfig& config) {
-  for (const char* option : {"--journal", "--landmarks"})
+  for (const char* option : {"--journal", "--landmarks", "--front-end-ms"})
     if (command.count(option) > 0 && config.task != "inertial_odometry")
       return Error{ErrorCode::bad_input,
                    std::string(option) + ": expected the task inertial_odometry, found " + config.task};
+  if (config.defer && config.task == "two_frame")
+    return Error{ErrorCode::bad_input, "--defer (key `defer`): expected a task with a window, found two_frame"};
   return {};
 }
 
@@ -107,6 +114,12 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_option("--executor", a->executor, "Where the window's solves run: in place, in a thread, in a process")
       ->check(one_of(shipped_executors().list()))
       ->capture_default_str();
+  command->add_flag(
+      "--defer", a->defer,
+      "An update begins its solve and returns, the next one merges it; what is said of a frame is predicted");
+  command
+      ->add_option("--front-end-ms", a->front_end_ms, "CPU time to burn before each frame, as a front end would [ms]")
+      ->check(CLI::Range(0.0, 1e6));
   command->add_option("--config", a->config, "Settings of the run (YAML); `oriel config` prints them all");
   command->add_option("--json", a->json, "Report as one object; - is standard output");
   command->add_option("--out", a->out, "Trajectory to write (TUM): each pose as it was known at its own update");

@@ -10,10 +10,12 @@
 
 #include "apps/command.h"
 #include "apps/engine_choice.h"
+#include "apps/front_end.h"
 #include "apps/recording_rig.h"
 #include "apps/recording_run.h"
 #include "oriel/io/journal.h"
 #include "oriel/run/beside_engine.h"
+#include "oriel/run/window_solver.h"
 #include "oriel/testing/allocation_counter.h"
 #include "oriel/window/inertial_odometry.h"
 
@@ -50,11 +52,16 @@ class Run {
   Result<RunReport> operator()() {
     if (auto ok = choose_engine(); !ok) return ok.error();
     if (auto ok = open_journal(); !ok) return ok.error();
+    const auto began = std::chrono::steady_clock::now();
     for (const RecordedFrame& frame : recording_.frames) {
+      burn_cpu(options_.front_end_ms);
       feed_imu(frame.time);
       update(frame);
       if (options_.progress) show_progress(frame);
     }
+    if (options_.defer) (void)odometry_.settle();
+    report_.frames_per_second = static_cast<double>(recording_.frames.size()) /
+                                std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
     if (options_.progress) std::fputs("\n", stderr);
     summarize();
     judge(recording_, odometry_.causal(), odometry_.final(), report_);
@@ -66,6 +73,7 @@ class Run {
  private:
   Result<void> choose_engine() {
     const bool beside = options_.executor != ExecutorKind::in_place;
+    if (options_.defer) return defer();
     if (options_.engine == "native" && !beside) return {};
     if (!options_.journal.empty())
       return Error{ErrorCode::bad_input,
@@ -78,6 +86,16 @@ class Run {
       return odometry_.window().use(std::move(*engine));
     }
     return odometry_.window().use(make_engine(options_.engine, odometry_.window().followed()));
+  }
+
+  Result<void> defer() {
+    if (!options_.journal.empty())
+      return Error{ErrorCode::bad_input, "--journal: expected solves that are waited for, found --defer (key `defer`)"};
+    if (options_.engine != "native")
+      return Error{ErrorCode::bad_input, "--defer: expected the engine native, found " + options_.engine};
+    auto solver = WindowSolver::make(odometry_.window().followed(), options_.executor, options_.worker);
+    if (!solver) return solver.error();
+    return odometry_.window().defer_to(std::move(*solver));
   }
 
   Result<void> open_journal() {

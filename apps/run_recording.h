@@ -16,8 +16,10 @@ struct RunOptions {
   // Where the window's solves run; all but in place for the native engine alone.
   ExecutorKind executor = ExecutorKind::in_place;
   ExecutorOptions worker;
-  std::string journal;    // file that every edit and solve is written to; empty: none
-  bool progress = false;  // a line on standard error
+  bool defer = false;         // an update begins a solve and returns; the next one merges it
+  double front_end_ms = 0.0;  // CPU time that is burnt before each frame, in the place of a front end
+  std::string journal;        // file that every edit and solve is written to; empty: none
+  bool progress = false;      // a line on standard error
 };
 
 struct RunReport {
@@ -25,6 +27,7 @@ struct RunReport {
   double duration_s = 0.0;  // from the first frame to the last
   std::int64_t states = 0;  // frames with an estimate
   std::int64_t updates = 0;
+  double frames_per_second = 0.0;  // of everything, the front end included
   double update_ms_p50 = 0.0, update_ms_p99 = 0.0, update_ms_p999 = 0.0, update_ms_max = 0.0;
   double initialised_after_s = 0.0;  // NaN: never
   double coverage = 0.0;             // share of the frames after initialisation that have an estimate

@@ -16,6 +16,7 @@ std::string to_json(const RunReport& r) {
       {"duration_s", r.duration_s},
       {"states", r.states},
       {"updates", r.updates},
+      {"frames_per_second", r.frames_per_second},
       {"update_ms",
        {{"p50", r.update_ms_p50}, {"p99", r.update_ms_p99}, {"p999", r.update_ms_p999}, {"max", r.update_ms_max}}},
       {"initialised_after_s", r.initialised_after_s},
@@ -39,6 +40,7 @@ std::string to_text(const RunReport& r) {
                       r.ate_m, r.ate_deg, r.ate_final_m);
   text += fmt::format("  update: p50 {:.2f} ms, p99 {:.2f} ms, max {:.2f} ms; {:.1f} allocations, {:.0f} MB at most\n",
                       r.update_ms_p50, r.update_ms_p99, r.update_ms_max, r.allocations_per_update, r.peak_rss_mb);
+  text += fmt::format("  {:.1f} frames a second, with all that is between them\n", r.frames_per_second);
   text += "  dropped:";
   for (const auto& [reason, n] : r.dropped)
     if (n > 0) text += fmt::format(" {} {}", n, reason);

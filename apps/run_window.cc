@@ -35,12 +35,11 @@ SensorSuite sensors_of(const Recording& recording) {
 // Where its solves run.
 Result<void> place_solves(WindowCore& core, const RunConfig& config, const ExecutorOptions& worker) {
   const bool beside = config.executor != ExecutorKind::in_place;
-  if (config.engine != "native" && (beside || config.window.defer))
-    return Error{ErrorCode::bad_input,
-                 "expected the engine native where the executor is not inline or window.defer is "
-                 "set, found " +
-                     config.engine};
-  if (config.window.defer) {
+  if (config.engine != "native" && (beside || config.defer))
+    return Error{
+        ErrorCode::bad_input,
+        "expected the engine native where the executor is not inline or solves are deferred, found " + config.engine};
+  if (config.defer) {
     auto solver = WindowSolver::make(core.followed(), config.executor, worker);
     if (!solver) return solver.error();
     return core.defer_to(std::move(*solver));

@@ -88,8 +88,8 @@ TEST_F(ConfigCommand, FliesAWindowOfPartsTheSameWayInAllExecutorsWithAndWithoutW
   std::string first;
   for (const std::string defer : {"false", "true"})
     for (const std::string executor : {"inline", "thread", "process"}) {
-      const std::string config = write("w.yaml", "task: sliding_window\nexecutor: " + executor +
-                                                     "\nwindow: {defer: " + defer + "}\nbuilders: [structureless]\n");
+      const std::string config = write("w.yaml", "task: sliding_window\nexecutor: " + executor + "\ndefer: " + defer +
+                                                     "\nbuilders: [structureless]\n");
       const CommandResult r = oriel("run " + path("flight") + " --config " + config + " --out " + path("out.tum"));
       ASSERT_EQ(r.exit_code, 0) << r.err;
       if (first.empty()) first = read(path("out.tum"));

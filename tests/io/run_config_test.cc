@@ -64,9 +64,11 @@ TEST(RunConfig, NamesWrongTypesUnknownAndMissingKeysEachWithFileAndLine) {
   EXPECT_EQ(faults("task: slam\nexecutor: inline\nexecutor: inline\n"),
             (Faults{"run.yaml:1: expected one of inertial_odometry, sliding_window, two_frame for `task`, found 'slam'",
                     "run.yaml:3: the key `executor` stands twice"}));
-  EXPECT_EQ(faults("task: [inertial_odometry]\nexecutor: inline\nkeyframes: {max_keyframes: 2.5}\n"),
-            (Faults{"run.yaml:1: expected one of inertial_odometry, sliding_window, two_frame for `task`, found a list or a map",
-                    "run.yaml:3: expected a whole number from 2 to 1000 for `keyframes.max_keyframes`, found '2.5'"}));
+  EXPECT_EQ(
+      faults("task: [inertial_odometry]\nexecutor: inline\nkeyframes: {max_keyframes: 2.5}\n"),
+      (Faults{
+          "run.yaml:1: expected one of inertial_odometry, sliding_window, two_frame for `task`, found a list or a map",
+          "run.yaml:3: expected a whole number from 2 to 1000 for `keyframes.max_keyframes`, found '2.5'"}));
   EXPECT_EQ(faults("- 1\n").size(), 1u);
   EXPECT_EQ(faults("task: {\n").size(), 1u);
   const auto absent = read_run_config("/nonexistent/run.yaml");
@@ -87,6 +89,7 @@ TEST(RunConfig, PrintsEveryKeyWithItsDefaultSoThatItCanBeReadAgain) {
   RunConfig other = reading.config;
   other.executor = ExecutorKind::thread;
   other.task = "two_frame";
+  other.defer = true;
   other.two_frame.residual = MatchResidual::disparity;
   other.two_frame.coordinates = MatchCoordinates::world;
   other.two_frame.source = MatchSource::previous;
@@ -103,6 +106,7 @@ TEST(RunConfig, PrintsEveryKeyWithItsDefaultSoThatItCanBeReadAgain) {
   EXPECT_EQ(run_config_text(again.config), changed);
   EXPECT_EQ(again.config.odometry.rest.pixels, 0.1 + 0.2);
   EXPECT_EQ(again.config.task, "two_frame");
+  EXPECT_TRUE(again.config.defer);
   EXPECT_EQ(again.config.two_frame.source, MatchSource::previous);
 }
 

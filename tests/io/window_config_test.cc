@@ -28,7 +28,8 @@ TEST(WindowConfig, PutsAWindowTogetherOutOfPartsByName) {
   const auto reading = parse_run_config(
       "task: sliding_window\n"
       "executor: process\n"
-      "window: {defer: true, max_iterations: 5, landmarks: keep, policy: {name: lag, max_states: 6}}\n"
+      "defer: true\n"
+      "window: {max_iterations: 5, landmarks: keep, policy: {name: lag, max_states: 6}}\n"
       "providers:\n"
       "  - {name: imu, noise_factor: 4}\n"
       "builders: [structureless]\n"
@@ -38,7 +39,7 @@ TEST(WindowConfig, PutsAWindowTogetherOutOfPartsByName) {
       "w.yaml");
   ASSERT_TRUE(reading.errors.empty()) << reading.errors[0];
   const WindowPlan& plan = reading.config.window;
-  EXPECT_TRUE(plan.defer);
+  EXPECT_TRUE(reading.config.defer);
   EXPECT_EQ(plan.window.solve.max_iterations, 5);
   EXPECT_EQ(plan.window.marginalize.landmarks, LandmarkPolicy::keep);
   EXPECT_EQ(names_of(plan.providers), (Faults{"imu"}));
@@ -73,22 +74,21 @@ TEST(WindowConfig, NamesEveryFaultOfItsPartsWithFileAndLine) {
              "  - {name: tracks, leaving: absorb, states: imu, gate: -1}\n"
              "  - {gate: 3}\n"
              "hooks: cheirality\n"),
-      (Faults{
-          "w.yaml:4: expected a whole number from 1 to 100000 for `window.policy.lag.max_states`, found 'none'",
-          "w.yaml:5: unknown key 'window.colour'; expected defer, max_iterations, function_tolerance, first_estimates, "
-          "landmarks, outlier_threshold, keep_prior, slide_before_solve, failures_before_reset, policy",
-          "w.yaml:7: unknown provider 'gyroscope'; expected one of imu, constant_velocity, odometry",
-          "w.yaml:8: unknown key 'gravity' of the provider constant_velocity (it is of imu); expected name, "
-          "acceleration, rotation, longest",
-          "w.yaml:9: two of kind provider are named 'constant_velocity'",
-          "w.yaml:11: unknown key 'leaving' of the builder tracks (it is of structureless); expected name, states, "
-          "landmarks, stereo, pixel_sigma, loss, gate, start_gate, least_depth, greatest_depth, least_parallax, "
-          "expected_tracks, expected_states",
-          "w.yaml:11: expected a number from 0 to 1e+12 for `builders.tracks.gate`, found '-1'",
-          "w.yaml:12: expected the key `name` in a part of `builders`",
-          "w.yaml:13: expected a list of parts under `hooks`",
-          "w.yaml:11: expected one of this window's providers (constant_velocity, constant_velocity) for "
-          "`builders.tracks.states`, found 'imu'"}));
+      (Faults{"w.yaml:4: expected a whole number from 1 to 100000 for `window.policy.lag.max_states`, found 'none'",
+              "w.yaml:5: unknown key 'window.colour'; expected max_iterations, function_tolerance, first_estimates, "
+              "landmarks, outlier_threshold, keep_prior, slide_before_solve, failures_before_reset, policy",
+              "w.yaml:7: unknown provider 'gyroscope'; expected one of imu, constant_velocity, odometry",
+              "w.yaml:8: unknown key 'gravity' of the provider constant_velocity (it is of imu); expected name, "
+              "acceleration, rotation, longest",
+              "w.yaml:9: two of kind provider are named 'constant_velocity'",
+              "w.yaml:11: unknown key 'leaving' of the builder tracks (it is of structureless); expected name, states, "
+              "landmarks, stereo, pixel_sigma, loss, gate, start_gate, least_depth, greatest_depth, least_parallax, "
+              "expected_tracks, expected_states",
+              "w.yaml:11: expected a number from 0 to 1e+12 for `builders.tracks.gate`, found '-1'",
+              "w.yaml:12: expected the key `name` in a part of `builders`",
+              "w.yaml:13: expected a list of parts under `hooks`",
+              "w.yaml:11: expected one of this window's providers (constant_velocity, constant_velocity) for "
+              "`builders.tracks.states`, found 'imu'"}));
 }
 
 // R9: parts that are right each by itself, and do not fit each other, before anything starts.

@@ -20,20 +20,50 @@ struct Count {
   int updates = 0;  // after the one in which the first state left
 };
 
+// Solves where it is finished, and counts what it asks for itself.
+class SolvesLater final : public DeferredSolver {
+ public:
+  SolvesLater(Graph& graph, std::int64_t& allocations) : engine_(graph), allocations_(&allocations) {}
+  std::string_view name() const override { return "later"; }
+  Result<void> begin(const SolveOptions& options) noexcept override {
+    options_ = options;
+    return {};
+  }
+  bool is_running() noexcept override { return true; }
+  Summary finish() noexcept override {
+    const std::int64_t before = allocation_count();
+    Summary summary = engine_.solve(options_);
+    *allocations_ += allocation_count() - before;
+    return summary;
+  }
+
+ private:
+  NativeEngine engine_;
+  SolveOptions options_;
+  std::int64_t* allocations_;
+};
+
 // Samples and updates from when the window is full.
-Count steady_allocations(const SimulatedFlight& flight, bool stereo = true, const OdometryOptions& options = {}) {
+Count steady_allocations(const SimulatedFlight& flight, bool stereo = true, const OdometryOptions& options = {},
+                         bool defer = false) {
   InertialOdometry odometry(flight.rig, stereo, flight.noise, options);
+  std::int64_t by_solver = 0;
+  if (defer) {
+    WindowCore& window = odometry.window();
+    EXPECT_TRUE(window.defer_to(std::make_unique<SolvesLater>(window.followed(), by_solver)));
+  }
   Count count;
   std::size_t next = 0;
   for (const auto& frame : flight.frames) {
     const bool steady = odometry.left() > 0;
-    const std::int64_t before = allocation_count();
+    const std::int64_t before = allocation_count() - by_solver;
     for (; next < flight.imu.size() && flight.imu[next].time <= frame.time; ++next)
       EXPECT_TRUE(odometry.add_imu(flight.imu[next]).ok());
     const UpdateReport report = odometry.update({frame.time, frame.features});
     if (!steady) continue;
     EXPECT_EQ(report.status, UpdateReport::Status::tracking);
-    count.allocations += allocation_count() - before;
+    EXPECT_EQ(report.predicted, defer);
+    count.allocations += allocation_count() - by_solver - before;
     ++count.updates;
   }
   return count;
@@ -41,6 +71,13 @@ Count steady_allocations(const SimulatedFlight& flight, bool stereo = true, cons
 
 TEST_F(SteadyWindow, AsksForNoMemoryOnceTheFirstStateHasLeft) {
   const Count count = steady_allocations(SimulatedFlight({.rest_s = 1.2, .duration_s = 18.0, .points = 500}));
+  EXPECT_GT(count.updates, 30);
+  EXPECT_EQ(count.allocations, 0);
+}
+
+TEST_F(SteadyWindow, AsksForNoMemoryBesidesItsSolversWhereSolvesAreDeferred) {
+  const Count count =
+      steady_allocations(SimulatedFlight({.rest_s = 1.2, .duration_s = 18.0, .points = 500}), true, {}, true);
   EXPECT_GT(count.updates, 30);
   EXPECT_EQ(count.allocations, 0);
 }

@@ -23,6 +23,8 @@ Word executor_words(const NameTable<ExecutorKind>& table) {
 }
 
 const ConfigKey kKeys[] = {
+    {"", "defer", Flag{[](RunConfig& c) -> bool& { return c.defer; }}, "-",
+     "A solve goes on while the caller does, and the next update merges it; of windows, by the engine native."},
     {"", "time_limit", Seconds{[](RunConfig& c) -> Duration& { return c.time_limit; }, true}, "s",
      "A job that takes longer is given up; 0: none."},
     {"", "memory_limit", Count{[](RunConfig& c) -> std::uint64_t& { return c.memory_limit_mb; }}, "MB",
@@ -177,8 +179,6 @@ const ConfigKey kKeys[] = {
     {"two_frame", "greatest_depth_share",
      Real{[](RunConfig& c) -> double& { return c.two_frame.greatest_depth_share; }, kTiny, kHuge}, "-",
      "Of a point that is made: sigma of its depth over its depth."},
-    {"window", "defer", Flag{member<&RunConfig::window, &WindowPlan::defer>}, "-",
-     "A solve that one update begins is merged by the next, and the caller goes on meanwhile."},
     {"window", "max_iterations",
      Whole{[](RunConfig& c) -> int& { return c.window.window.solve.max_iterations; }, 1, 10000}, "-",
      "Iterations of an update."},

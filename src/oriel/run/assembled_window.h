@@ -26,8 +26,6 @@ struct WindowPlan {
     window.solve.function_tolerance = 1e-4;
   }
   WindowOptions window;
-  // A solve that an update begins is merged by the next one (WindowSolver), in whatever executor.
-  bool defer = false;
   InitialisationOptions initialisation;  // of providers that find their start by themselves
   // Made in this order: providers, builders, hooks, policy.
   std::vector<PartChoice> providers, builders, hooks;

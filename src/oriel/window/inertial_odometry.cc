@@ -21,29 +21,42 @@ double angle_between(const Vec3d& a, const Vec3d& b) { return std::atan2(cross(a
 }  // namespace
 
 UpdateReport InertialOdometry::update(const StereoFrame& frame) {
-  return initialised_ ? track(frame) : initialise(frame);
+  if (!initialised_) return initialise(frame);
+  return window_.defers() ? track_ahead(frame) : track(frame);
+}
+
+bool InertialOdometry::is_stale(const StereoFrame& frame, UpdateReport& report) const {
+  report.time = frame.time;
+  report.status = UpdateReport::Status::failed;
+  report.reason = "the frame is not later than the one before";
+  return frame.time <= timeline_.latest()->time;
 }
 
 UpdateReport InertialOdometry::track(const StereoFrame& frame) {
   UpdateReport report;
-  report.time = frame.time;
-  report.status = UpdateReport::Status::failed;
-  report.reason = "the frame is not later than the one before";
-  if (frame.time <= timeline_.latest()->time) return report;
+  if (is_stale(frame, report)) return report;
   if (!add_frame(frame, nullptr, report)) return miss(frame, report);
   missed_ = 0;
-  if (!solve_and_gate(options_.max_iterations, report)) {
-    if (++failed_solves_ < options_.most_failed_solves) return report;
-    return begin_anew(frame, "so many solves have failed, one after the other");
+  if (const char* why = conclude(solve_at_once(options_.max_iterations), report)) return begin_anew(frame, why);
+  if (report.status == UpdateReport::Status::tracking) keep(causal_, frame.time, report.values.T_world_body);
+  return report;
+}
+
+// What a solve has found of the newest state: whether it is believed, is a keyframe, and who leaves then. Null, or why
+// the window must begin anew.
+const char* InertialOdometry::conclude(const Summary& summary, UpdateReport& report) {
+  if (!gate_solved(summary, report)) {
+    if (++failed_solves_ < options_.most_failed_solves) return nullptr;
+    return "so many solves have failed, one after the other";
   }
   failed_solves_ = 0;
-  if (const char* what = beyond_belief()) return begin_anew(frame, what);
-  InertialState& newest = *timeline_.change(frame.time);
+  if (const char* what = beyond_belief()) return what;
+  InertialState& newest = *timeline_.change(timeline_.latest()->time);
   newest.keyframe = report.keyframe = is_keyframe(newest);
   fill(report);
-  say(frame.time, report.values.T_world_body);
+  T_world_believed_ = report.values.T_world_body;
   if (newest.keyframe) slide();
-  return report;
+  return nullptr;
 }
 
 // The IMU's samples do not reach from the last keyframe to this frame, and the cameras see too little that is known. A
@@ -192,15 +205,19 @@ void InertialOdometry::add_sightings(GraphEdit& edit, bool at_rest) {
   }
 }
 
-bool InertialOdometry::solve_and_gate(int iterations, UpdateReport& report) {
+SolveOptions InertialOdometry::solve_options(int iterations) const {
   SolveOptions solve;
   solve.max_iterations = iterations;
   solve.function_tolerance = options_.function_tolerance;
   solve.first_estimates = options_.first_estimates;
   solve.trace = false;
-  const Summary summary = window_.solve(solve);
+  return solve;
+}
+
+bool InertialOdometry::gate_solved(const Summary& summary, UpdateReport& report) {
   report.iterations = summary.iterations;
-  report.reason = "the solve failed: a cost or a system that is not finite";
+  report.reason = summary.reason == Reason::refused ? "the solve was refused: its worker is lost, or its engine cannot"
+                                                    : "the solve failed: a cost or a system that is not finite";
   if (summary.failed()) return false;
   report.reason = "an edit was refused";
   return gate() >= 0;

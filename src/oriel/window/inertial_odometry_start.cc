@@ -82,7 +82,7 @@ UpdateReport InertialOdometry::initialise(const StereoFrame& frame) {
 }
 
 void InertialOdometry::restart() {
-  if (T_world_said_) T_world_last_ = T_world_said_;
+  if (T_world_believed_) T_world_last_ = T_world_believed_;
   initialised_ = false;
   missed_ = failed_solves_ = 0;
   for (const InertialState& s : timeline_) keep(left_, s.time, window_.graph().value(s.pose));
@@ -101,6 +101,7 @@ UpdateReport InertialOdometry::begin_anew(const StereoFrame& frame, const char* 
 }
 
 UpdateReport InertialOdometry::start_at(const StereoFrame& frame, const InertialValues& v, const StartSigmas& sigmas) {
+  if (window_.has_begun()) (void)settle();
   if (initialised_) restart();
   initialiser_.clear();
   UpdateReport report;
@@ -145,7 +146,7 @@ bool InertialOdometry::begin(const Initialisation& start, UpdateReport& report) 
   }
   if (start.states.size() > 1) {
     for (int round = 0; round < 3; ++round)
-      if (!solve_and_gate(50, report)) return false;
+      if (!gate_solved(solve_at_once(50), report)) return false;
     fill(report);
     say(report.time, report.values.T_world_body);
   }
