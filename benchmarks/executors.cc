@@ -78,7 +78,7 @@ void round_trips(Zygote& zygote, int rounds) {
         us.push_back(micros_since(begin));
       }
       const double p50 = share(us, 0.5);
-      std::printf("%10zu %10s %10.1f %10.1f %12.2f\n", bytes, name_of(kind), p50, share(us, 0.99),
+      std::printf("%10zu %10s %10.1f %10.1f %12.2f\n", bytes, name_of(kind).c_str(), p50, share(us, 0.99),
                   2.0 * static_cast<double>(bytes) / p50 * 1e-3);
     }
   }
@@ -117,7 +117,7 @@ void front_end(Zygote& zygote) {
       executor.submit({10.0, {}});
     }
     executor.write_back(map);
-    std::printf("%10s %10.1f\n", name_of(kind), frames * 1e6 / micros_since(begin));
+    std::printf("%10s %10.1f\n", name_of(kind).c_str(), frames * 1e6 / micros_since(begin));
   }
 }
 

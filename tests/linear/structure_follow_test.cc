@@ -7,20 +7,14 @@
 #include <random>
 #include <vector>
 
-#include "oriel/linear/linearize.h"
 #include "oriel/manifold/se2.h"
 #include "oriel/manifold/se3.h"
 #include "oriel/residual/between.h"
 #include "oriel/residual/prior.h"
+#include "tests/linear/step_of.h"
 
 namespace oriel {
 namespace {
-
-FactorOptions counts_as_large() {
-  FactorOptions options;
-  options.least_followed = 10;
-  return options;
-}
 
 // A drive that goes on, forgets its newest end, ties and unties, fixes and frees.
 template <class Pose>
@@ -102,23 +96,6 @@ struct Drive {
   std::vector<VariableId<Pose>> poses;
   std::vector<FactorId> factors;
 };
-
-// The whole linear problem at the graph's values, solved.
-std::vector<double> step_of(const Graph& graph, LinearStructure& s) {
-  Linearizer linearizer;
-  Point point;
-  point.take(graph);
-  ActiveSet active;
-  LinearSystem system;
-  linearizer.evaluate(graph, s, point, nullptr, active, nullptr);
-  linearizer.linearize(graph, s, point, &active, system, nullptr);
-  const std::vector<double> damping(static_cast<std::size_t>(s.dim()), 1e-3);
-  s.factorization().factor(system.h.data(), damping.data());
-  std::vector<double> step(static_cast<std::size_t>(s.dim()));
-  s.factorization().solve(system.gradient.data(), step.data());
-  step.push_back(active.total);
-  return step;
-}
 
 struct Followed {
   int updates = 0, orders = 0;

@@ -1,6 +1,12 @@
 #include "oriel/base/slot_map.h"
 
+#include <algorithm>
+
 namespace oriel {
+
+std::uint32_t SlotIndex::first_after(std::uint64_t serial) const {
+  return static_cast<std::uint32_t>(std::upper_bound(serial_.begin(), serial_.end(), serial) - serial_.begin());
+}
 
 SlotKey SlotIndex::lend() {
   while (!free_.empty()) {

@@ -4,7 +4,6 @@
 // in the order of insertion, which is the order of serials; an erased value leaves a hole, and when more than a quarter
 // are holes the rest moves together, in order (no swap with the last: the order is what makes two runs alike).
 #pragma once
-#include <algorithm>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -93,9 +92,7 @@ class SlotIndex {
   bool erase(SlotKey k);
 
   // The first dense position behind a serial, which need not be there.
-  std::uint32_t first_after(std::uint64_t serial) const {
-    return static_cast<std::uint32_t>(std::upper_bound(serial_.begin(), serial_.end(), serial) - serial_.begin());
-  }
+  std::uint32_t first_after(std::uint64_t serial) const;
   // Since when the columns' beginning stands as it does: what stands below changes().same_since(then) has had its place
   // and its key since, what stood there. What comes is behind the extent of then, and is not noted.
   const ChangeMark& changes() const { return changes_; }

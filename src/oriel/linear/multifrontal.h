@@ -64,6 +64,7 @@ class Multifrontal {
               std::span<const int> changed);
 
   const Symbolic& symbolic() const { return symbolic_; }
+  void set_relative_pivot(double relative_pivot) { relative_pivot_ = relative_pivot; }
   std::int64_t analyses() const { return analyses_; }                     // how often everything was found anew
   std::int64_t updates() const { return updates_; }                       // how often what a change reached was
   std::int64_t storage_size() const { return symbolic_.storage_size(); }  // [doubles] of H

@@ -23,8 +23,8 @@ enum class LinearSolver {
 
 // The order in which the variables of a large graph are eliminated: state, not a cache (decision 6), as it depends on
 // when it was made and added to. Each build leaves out what is gone and puts what is new behind the rest. It is made
-// anew where it leaves twice the work that it left when it was made, or as many variables have come and gone since as it
-// was made of: points that the state and the graph alone decide.
+// anew where it leaves twice the work that it left when it was made, or as many variables have come and gone since as
+// it was made of: points that the state and the graph alone decide.
 struct EliminationOrder {
   OrderingMethod method = OrderingMethod::automatic;
   std::vector<std::uint64_t> serials;  // of variables, the first eliminated first; empty: none was made

@@ -5,11 +5,11 @@
 
 namespace oriel {
 
-// With room for an eighth more, so that what grows a little does not move at once; pages that nobody writes cost
-// nothing.
+// With room for an eighth more, so that what grows a little does not move at once, and doubled where it grows on; pages
+// that nobody writes cost nothing.
 template <class T>
 void resize_with_room(std::vector<T>& v, std::size_t n) {
-  if (v.capacity() < n) v.reserve(n + n / 8);
+  if (v.capacity() < n) v.reserve(n + n / 8 > 2 * v.size() ? n + n / 8 : 2 * v.size());
   v.resize(n);
 }
 

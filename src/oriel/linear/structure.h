@@ -174,6 +174,7 @@ class LinearStructure {
   bool count_runs(const TablePlan& plan);
   void group_rows(TablePlan& plan);
   void add_runs(TablePlan& plan, std::uint32_t first, std::uint32_t count);
+  static bool is_long_enough_for_slices(const TablePlan& plan);
   void slice_rows(TablePlan& plan);
   bool sort_rows(const TablePlan& plan);
   void cut_rows(TablePlan& plan);

@@ -59,14 +59,14 @@ void LinearStructure::find_cuts(const Graph& graph) {
   std::size_t behind = kept_.size() - f.kept_cut, all = kept_.size();
   for (std::size_t p = 0; p < f.pool_cut.size(); ++p)
     behind += graph.pools()[p]->extent() - f.pool_cut[p], all += graph.pools()[p]->extent();
-  if (behind > all / kLongestTail) {
+  if (f.kept_cut == 0 || behind > all / kLongestTail) {
     f.kept_cut = 0;
     f.pool_cut.assign(f.pool_cut.size(), 0);
     return remember_tails();
   }
   for (std::size_t t = 0; t < plan_count_; ++t) {
     const auto& rows = plans_[t].rows;
-    if (f.is_by_row[t] != 0)
+    if (f.is_by_row[t] != 0 && !is_long_enough_for_slices(plans_[t]))  // which are sorted as a whole
       f.row_cut[t] = static_cast<std::size_t>(
           std::lower_bound(rows.begin(), rows.end(), same(plans_[t].table->slots(), f.seen_tables[t])) - rows.begin());
   }
@@ -149,9 +149,7 @@ void LinearStructure::note_priors() {
   }
 }
 
-// Nothing is taken for the same any more.
 void LinearStructure::look_at_all_rows(const Graph& graph) {
-  followed_.same_targets = false;
   followed_.row_cut.assign(plan_count_, 0);
   collect_rows(graph);
   for (std::size_t t = 0; t < plan_count_; ++t) group_rows(plans_[t]);
@@ -173,12 +171,8 @@ void LinearStructure::plan_followed(const Graph& graph) {
   const bool was_cut = std::any_of(f.row_cut.begin(), f.row_cut.end(), [](std::size_t cut) { return cut > 0; });
   f.was_by_row.swap(f.is_by_row);
   f.is_by_row.resize(plan_count_), f.by_row.resize(plan_count_), f.was_by_row.resize(plan_count_);
-  bool is_cut_by_row = true;
-  for (std::size_t t = 0; t < plan_count_; ++t) {
-    f.is_by_row[t] = plans_[t].slices.empty() && plans_[t].runs.empty();
-    is_cut_by_row = is_cut_by_row && (f.is_by_row[t] != 0 || f.row_cut[t] == 0);
-  }
-  if (was_cut && (!f.same_targets || !is_cut_by_row)) look_at_all_rows(graph);
+  for (std::size_t t = 0; t < plan_count_; ++t) f.is_by_row[t] = plans_[t].slices.empty() && plans_[t].runs.empty();
+  if (was_cut && !f.same_targets) look_at_all_rows(graph);
   if (!f.same_targets) {
     for (std::size_t t = 0; t < plan_count_; ++t) plan_table(plans_[t], 0);
     return;
@@ -219,7 +213,7 @@ void LinearStructure::find_elsewhere(const Graph& graph) {
     add(b.pool, b.dense);
   }
   for (std::size_t i = f.same_kept; i < kept_.size(); ++i) add(kept_[i].pool, kept_[i].dense);
-  if (f.kept_cut == 0) return;  // all rows were looked at
+  if (f.kept_cut == 0) return;  // nothing was cut: all rows were looked at
   for (std::uint32_t p = 0; p < f.pool_cut.size(); ++p)
     for (std::uint32_t d = f.pool_cut[p]; d < graph.pools()[p]->extent(); ++d)
       if (targets_[p][d].kind != Target::Kind::kept) add(p, d);
@@ -269,10 +263,13 @@ void LinearStructure::find_changed_rows(std::size_t t) {
     return static_cast<std::size_t>(std::mismatch(tail.begin(), tail.end(), first, all.end()).first - tail.begin());
   };
   const std::size_t end = cut + old.size();  // of the rows before
-  const std::size_t same =
-      cut + std::min(same_from(old, now, cut), same_from(f.dense[t], plan.dense, cut * arity) / arity);
-  f.same[t] = same;
+  std::size_t same = cut + std::min(same_from(old, now, cut), same_from(f.dense[t], plan.dense, cut * arity) / arity);
   f.by_row[t] = f.is_by_row[t] != 0 && f.was_by_row[t] != 0;
+  if (f.by_row[t] != 0) {  // a new factor may have the row of one that is gone, and name places that were taken again
+    const std::uint32_t first_new = plan.table->slots().first_after(f.seen_tables[t].last_serial);
+    same = std::min(same, static_cast<std::size_t>(std::lower_bound(now.begin(), now.end(), first_new) - now.begin()));
+  }
+  f.same[t] = same;
   f.before.assign(plan.targets.begin() + static_cast<std::ptrdiff_t>(same * n),
                   plan.targets.begin() + static_cast<std::ptrdiff_t>(end * n));
   plan_table(plan, same);
@@ -324,6 +321,7 @@ void LinearStructure::place_moved_pairs(const Graph& graph) {
   auto place = [&](TablePlan& plan, std::size_t r) { place_pairs_of_row(plan, r); };
   for (std::size_t b = 0; b < kept_.size(); ++b)
     if (followed_.is_moved[b] != 0) for_each_row(graph, key_of(graph, kept_[b]), place);
+  for (const VariableKey& id : followed_.elsewhere) for_each_row(graph, id, place);  // fixed ones have no place
   for (std::size_t t = 0; t < plan_count_; ++t)
     for (std::size_t r = 0; followed_.by_row[t] == 0 && r < followed_.same[t]; ++r) place(plans_[t], r);
 }

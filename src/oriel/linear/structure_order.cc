@@ -100,6 +100,7 @@ Result<void> LinearStructure::use_order(const FactorOptions& options) {
   given.ordering = OrderingMethod::given;
   if (!f.follows) return factorization_.analyze(pattern_, given, order_);
   if (f.changed.empty()) {  // nothing is tied in another way
+    factorization_.set_relative_pivot(options.relative_pivot);
     f.is_moved.assign(kept_.size(), 0);
     return {};
   }

@@ -36,13 +36,16 @@ SharedBlocks::Entry& SharedBlocks::find(std::int64_t block) {
   return entries_[at];
 }
 
-void LinearStructure::slice_rows(TablePlan& plan) {
+bool LinearStructure::is_long_enough_for_slices(const TablePlan& plan) {
+  const std::size_t rows = plan.table->slots().size();
   std::size_t columns = 0;
   for (const TablePlan::Argument& x : plan.arguments) columns += static_cast<std::size_t>(x.dim);
   const std::size_t of_row = columns * static_cast<std::size_t>(plan.table->ops().dim);
-  if (of_row >= kLeastOfRow && of_row * plan.rows.size() >= kLeastNumbers && plan.rows.size() >= 2 * kLeastSlice &&
-      sort_rows(plan))
-    cut_rows(plan);
+  return of_row >= kLeastOfRow && of_row * rows >= kLeastNumbers && rows >= 2 * kLeastSlice;
+}
+
+void LinearStructure::slice_rows(TablePlan& plan) {
+  if (is_long_enough_for_slices(plan) && sort_rows(plan)) cut_rows(plan);
 }
 
 // Keys and places in sorted order: landmarks first. False if a row names a variable twice: the product of its two
