@@ -16,39 +16,21 @@ namespace oriel {
 namespace {
 
 constexpr std::size_t kMostInline = 32768;  // [bytes] of parts that go through the socket
-constexpr std::uint32_t kPassesDescriptor = 1u << 31;
-constexpr int kSeals = F_SEAL_SEAL | F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE;
+constexpr std::uint32_t kPassesDescriptor = 1u << 31, kForgetsMemory = 1u << 30;  // flags
+constexpr std::uint32_t kNewMemory = 1, kKeptMemory = 2;                          // where the parts are, if not inline
+#ifndef F_SEAL_FUTURE_WRITE                                                       // Linux 5.1
+#define F_SEAL_FUTURE_WRITE 0x0010
+#endif
+constexpr int kSeals = F_SEAL_SEAL | F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_FUTURE_WRITE;
+// Memory of which no packet of so many used more than a share is given back.
+constexpr std::size_t kLeastUsed = 8;
+constexpr int kPatience = 16;
 
 Error refused(const char* what) { return {ErrorCode::io, std::string(what) + ": " + std::strerror(errno)}; }
 Error gone() { return {ErrorCode::not_found, "the other side of a socket has gone"}; }
 Error damaged(const char* what) { return {ErrorCode::bad_input, std::string("a packet: ") + what}; }
 
 constexpr std::size_t padded(std::size_t size) { return (size + 15) / 16 * 16; }
-
-bool write_all(int fd, std::span<const std::byte> bytes, std::size_t at) {
-  while (!bytes.empty()) {
-    const ssize_t n = ::pwrite(fd, bytes.data(), bytes.size(), static_cast<off_t>(at));
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
-    bytes = bytes.subspan(static_cast<std::size_t>(n));
-    at += static_cast<std::size_t>(n);
-  }
-  return true;
-}
-
-// The parts one after the other, each at a multiple of 16, for nobody to change any more.
-Result<OwnedFd> sealed_memory(const std::array<std::span<const std::byte>, 3>& parts, std::size_t size) {
-  OwnedFd fd(::memfd_create("oriel", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-  if (!fd) return refused("memfd_create");
-  if (::ftruncate(fd.get(), static_cast<off_t>(size)) != 0) return refused("ftruncate");
-  std::size_t at = 0;
-  for (const auto& part : parts) {
-    if (!write_all(fd.get(), part, at)) return refused("pwrite");
-    at += padded(part.size());
-  }
-  if (::fcntl(fd.get(), F_ADD_SEALS, kSeals) != 0) return refused("fcntl(F_ADD_SEALS)");
-  return fd;
-}
 
 class Deadline {
  public:
@@ -73,9 +55,47 @@ void OwnedFd::reset(int fd) {
   fd_ = fd;
 }
 
-void Packet::unmap() {
-  if (mapping_ != nullptr) ::munmap(mapping_, mapped_);
-  mapping_ = nullptr;
+SharedMemory& SharedMemory::operator=(SharedMemory&& other) noexcept {
+  if (this == &other) return *this;
+  reset();
+  data_ = std::exchange(other.data_, nullptr);
+  size_ = std::exchange(other.size_, 0);
+  return *this;
+}
+
+void SharedMemory::reset() {
+  if (data_ != nullptr) ::munmap(data_, size_);
+  data_ = nullptr;
+  size_ = 0;
+}
+
+// Sealed while it is mapped: this mapping goes on being written, and no other can be.
+Result<OwnedFd> SharedMemory::make(std::size_t size) {
+  reset();
+  OwnedFd fd(::memfd_create("oriel", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (!fd) return refused("memfd_create");
+  if (::ftruncate(fd.get(), static_cast<off_t>(size)) != 0) return refused("ftruncate");
+  void* at = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, fd.get(), 0);
+  if (at == MAP_FAILED) return refused("mmap");
+  data_ = static_cast<std::byte*>(at);
+  size_ = size;
+  if (::fcntl(fd.get(), F_ADD_SEALS, kSeals) == 0) return fd;
+  const Error e = refused("fcntl(F_ADD_SEALS)");
+  reset();
+  return e;
+}
+
+Result<void> SharedMemory::open(const OwnedFd& fd, std::size_t least) {
+  reset();
+  struct stat s {};
+  if (::fstat(fd.get(), &s) != 0 || static_cast<std::uint64_t>(s.st_size) < least) return damaged("too little memory");
+  if ((::fcntl(fd.get(), F_GET_SEALS) & kSeals) != kSeals) return damaged("memory that is not sealed");
+  const auto size = static_cast<std::size_t>(s.st_size);
+  void* at = ::mmap(nullptr, size, PROT_READ, MAP_SHARED, fd.get(), 0);
+  if (at == MAP_FAILED) return refused("mmap");
+  data_ = static_cast<std::byte*>(at);
+  size_ = size;
+  return {};
 }
 
 Result<std::pair<PacketSocket, PacketSocket>> PacketSocket::make_pair() {
@@ -84,17 +104,48 @@ Result<std::pair<PacketSocket, PacketSocket>> PacketSocket::make_pair() {
   return std::pair(PacketSocket(OwnedFd(ends[0])), PacketSocket(OwnedFd(ends[1])));
 }
 
+// Into memory that the other side has, or into new; then with its descriptor. A quarter more than is needed: messages
+// of about one size, one after the other, find room.
+Result<OwnedFd> PacketSocket::write_parts(const std::array<std::span<const std::byte>, 3>& parts, std::size_t size) {
+  OwnedFd fd;
+  if (!answered_ || written_.size() < size) {
+    auto made = written_.make((size + size / 4 + 4095) / 4096 * 4096);
+    if (!made) return made;
+    fd = std::move(*made);
+  }
+  std::byte* at = written_.data();
+  for (const auto& part : parts) {
+    if (!part.empty()) std::memcpy(at, part.data(), part.size());
+    at += padded(part.size());
+  }
+  return fd;
+}
+
+Result<const std::byte*> PacketSocket::find_parts(const PacketHead& head, const OwnedFd& fd, std::size_t size) {
+  if (head.in_memory == kNewMemory)
+    if (auto ok = read_.open(fd, size); !ok) return ok.error();
+  if (size == 0 || read_.size() < size) return damaged("memory that was not sent");
+  return read_.data();
+}
+
 Result<void> PacketSocket::send(PacketHead head, std::array<std::span<const std::byte>, 3> parts, int passed) {
   if (!fd_) return gone();
   std::size_t size = 0;
   for (std::size_t i = 0; i < 3; ++i) head.sizes[i] = parts[i].size(), size += padded(parts[i].size());
   OwnedFd memory;
+  too_large_ = size <= written_.size() / kLeastUsed ? too_large_ + 1 : 0;
+  if (written_.size() > 0 && too_large_ >= kPatience) {
+    written_.reset();
+    too_large_ = 0;
+    head.flags |= kForgetsMemory;
+  }
   if (size > kMostInline) {
-    auto made = sealed_memory(parts, size);
+    auto made = write_parts(parts, size);
     if (!made) return made.error();
     memory = std::move(*made);
-    head.in_memory = 1;
+    head.in_memory = memory ? kNewMemory : kKeptMemory;
   }
+  answered_ = false;
   if (passed >= 0) head.flags |= kPassesDescriptor;
 
   static constexpr std::array<std::byte, 16> kPadding{};
@@ -136,7 +187,6 @@ bool PacketSocket::has_news() const {
 }
 
 Result<PacketSocket::Got> PacketSocket::receive(Packet& out, Duration limit) {
-  out.unmap();
   out.passed.reset();
   out.parts = {};
   if (!fd_) return Got::gone;
@@ -185,19 +235,16 @@ Result<PacketSocket::Got> PacketSocket::receive(Packet& out, Duration limit) {
     if (s > (std::uint64_t{1} << 46)) return damaged("a size that cannot be");
     size += padded(s);
   }
-  const std::size_t expected_fds = (head.in_memory != 0 ? 1 : 0) + ((head.flags & kPassesDescriptor) != 0 ? 1 : 0);
-  if (fd_count != expected_fds) return damaged("a descriptor is missing");
+  const std::size_t expected_fds =
+      (head.in_memory == kNewMemory ? 1 : 0) + ((head.flags & kPassesDescriptor) != 0 ? 1 : 0);
+  if (fd_count != expected_fds || head.in_memory > kKeptMemory) return damaged("a descriptor is missing");
+  answered_ = true;
+  if ((head.flags & kForgetsMemory) != 0) read_.reset();
   const std::byte* begin = out.inline_.data() + sizeof(PacketHead);
   if (head.in_memory != 0) {
-    struct stat s {};
-    if (::fstat(fds[0].get(), &s) != 0 || static_cast<std::uint64_t>(s.st_size) != size || size == 0)
-      return damaged("memory of another size");
-    if ((::fcntl(fds[0].get(), F_GET_SEALS) & kSeals) != kSeals) return damaged("memory that is not sealed");
-    void* at = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE | MAP_POPULATE, fds[0].get(), 0);
-    if (at == MAP_FAILED) return refused("mmap");
-    out.mapping_ = at;
-    out.mapped_ = size;
-    begin = static_cast<const std::byte*>(at);
+    const auto found = find_parts(head, fds[0], size);
+    if (!found) return found.error();
+    begin = *found;
   } else if (got != sizeof(PacketHead) + size) {
     return damaged("of another size than it says");
   }

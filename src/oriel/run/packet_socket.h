@@ -1,11 +1,14 @@
 // Packets between two processes of one machine: a head and up to three parts, small ones through the socket, large ones
-// in a sealed memfd that travels with it. A received part is aligned to 16 bytes and shares nothing with the sender:
-// the seals forbid that anybody changes it.
+// in a memfd that one side writes and the other reads. It travels with the first large packet and is kept for those
+// that follow, once an answer says that the other side has done with what was sent; what comes before an answer has
+// memory of its own. Its seals forbid that it changes its size, and that anybody but its maker writes. A received part
+// is aligned to 16 bytes.
 #pragma once
 #include <array>
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "oriel/base/bytes.h"
 #include "oriel/base/result.h"
@@ -50,24 +53,37 @@ class OwnedFd {
   int fd_ = -1;
 };
 
-// What was received; its parts are good until it receives again.
+// A mapping of memory that two processes share.
+class SharedMemory {
+ public:
+  SharedMemory() = default;
+  SharedMemory(SharedMemory&& other) noexcept { *this = std::move(other); }
+  SharedMemory& operator=(SharedMemory&& other) noexcept;
+  ~SharedMemory() { reset(); }
+
+  // To be written here and nowhere else; the descriptor is for the other side.
+  Result<OwnedFd> make(std::size_t size);
+  // Of the other side's, to be read. An error where it is not sealed, or smaller than that.
+  Result<void> open(const OwnedFd& fd, std::size_t least);
+  void reset();
+  std::byte* data() { return data_; }
+  std::size_t size() const { return size_; }
+
+ private:
+  std::byte* data_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+// What was received; its parts are good until its socket receives or sends again, or is closed.
 class Packet {
  public:
-  Packet() = default;
-  Packet(const Packet&) = delete;
-  Packet& operator=(const Packet&) = delete;
-  ~Packet() { unmap(); }
-
   PacketHead head;
   std::array<std::span<const std::byte>, 3> parts;
   OwnedFd passed;  // a descriptor that came along
 
  private:
   friend class PacketSocket;
-  void unmap();
   Bytes inline_;
-  void* mapping_ = nullptr;
-  std::size_t mapped_ = 0;
 };
 
 class PacketSocket {
@@ -79,7 +95,11 @@ class PacketSocket {
   static Result<std::pair<PacketSocket, PacketSocket>> make_pair();
 
   bool is_open() const { return static_cast<bool>(fd_); }
-  void close() { fd_.reset(); }
+  void close() {
+    fd_.reset();
+    written_.reset();
+    read_.reset();
+  }
   OwnedFd take() { return std::move(fd_); }
 
   // ErrorCode::not_found where the other side has gone. `passed` is a descriptor to send along.
@@ -91,7 +111,13 @@ class PacketSocket {
   int fd() const { return fd_.get(); }
 
  private:
+  Result<OwnedFd> write_parts(const std::array<std::span<const std::byte>, 3>& parts, std::size_t size);
+  Result<const std::byte*> find_parts(const PacketHead& head, const OwnedFd& fd, std::size_t size);
+
   OwnedFd fd_;
+  SharedMemory written_, read_;  // of the last large packet each way
+  bool answered_ = true;         // something came since the last packet was sent
+  int too_large_ = 0;            // packets one after the other that left most of the memory unused
 };
 
 }  // namespace oriel

@@ -89,7 +89,7 @@ struct TaskOps {
   void (*send_context)(const void* context, Bytes& out) = nullptr;
   void (*destroy_context)(void* context) = nullptr;
   // One job. After an error the context is as it was before, where it copies.
-  Result<void> (*optimize)(void*& context, std::span<const std::byte> input, Bytes& output) = nullptr;
+  Result<void> (*optimize)(void* context, std::span<const std::byte> input, Bytes& output) = nullptr;
   // One input of two, in place of the first.
   Result<void> (*merge)(Bytes& waiting, std::span<const std::byte> newer) = nullptr;
 };
@@ -111,45 +111,48 @@ Result<T> guarded(F&& f) {
   }
 }
 
+// What a worker keeps from job to job: the context, and the memory of the last input.
+template <Task T>
+struct Kept {
+  std::unique_ptr<TaskContext<T>> context;
+  TaskInput<T> input;
+};
+
 template <Task T>
 Result<void*> make_context(std::span<const std::byte> message) {
   TaskConfig<T> config;
   if (auto ok = decode(message, config); !ok) return ok.error();
   auto made = guarded<TaskContext<T>>([&] { return T::init_context(config); });
   if (!made) return made.error();
-  return static_cast<void*>(new TaskContext<T>(std::move(*made)));
+  return static_cast<void*>(new Kept<T>{std::make_unique<TaskContext<T>>(std::move(*made)), {}});
 }
 template <Task T>
 Result<void*> receive_context(std::span<const std::byte> message) {
   if constexpr (Transferable<TaskContext<T>>) {
     auto context = std::make_unique<TaskContext<T>>();
     if (auto ok = decode(message, *context); !ok) return ok.error();
-    return static_cast<void*>(context.release());
+    return static_cast<void*>(new Kept<T>{std::move(context), {}});
   } else {
     return Error{ErrorCode::bad_input, "a context of this task cannot travel"};
   }
 }
 template <Task T>
 void send_context(const void* context, Bytes& out) {
-  if constexpr (Transferable<TaskContext<T>>) encode(*static_cast<const TaskContext<T>*>(context), out);
+  if constexpr (Transferable<TaskContext<T>>) encode(*static_cast<const Kept<T>*>(context)->context, out);
 }
 template <Task T>
-Result<void> optimize(void*& context, std::span<const std::byte> message, Bytes& out) {
+Result<void> optimize(void* context, std::span<const std::byte> message, Bytes& out) {
   using Context = TaskContext<T>;
-  TaskInput<T> input;
+  auto& [now, input] = *static_cast<Kept<T>*>(context);
   if (auto ok = decode(message, input); !ok) return ok;
-  auto* now = static_cast<Context*>(context);
   std::unique_ptr<Context> before;
   if constexpr (std::copy_constructible<Context>) before = std::make_unique<Context>(*now);
-  auto output = guarded<TaskOutput<T>>([&] { return T::optimize(*now, input); });
+  auto output = guarded<TaskOutput<T>>([&c = *now, &in = input] { return T::optimize(c, in); });
   if (output) {
     encode(*output, out);
     return {};
   }
-  if (before != nullptr) {
-    delete now;
-    context = before.release();
-  }
+  if (before != nullptr) now = std::move(before);
   return output.error();
 }
 template <Task T>
@@ -183,7 +186,7 @@ inline constexpr TaskOps kTaskOps = {task_detail::name_of<T>(),
                                      &task_detail::make_context<T>,
                                      &task_detail::receive_context<T>,
                                      &task_detail::send_context<T>,
-                                     [](void* context) { delete static_cast<TaskContext<T>*>(context); },
+                                     [](void* context) { delete static_cast<task_detail::Kept<T>*>(context); },
                                      &task_detail::optimize<T>,
                                      &task_detail::merge<T>};
 

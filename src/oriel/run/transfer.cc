@@ -3,9 +3,9 @@
 namespace oriel {
 
 void TransferWriter::put_plain(const void* data, std::size_t size, std::size_t alignment) {
-  const std::size_t at = (out_.size() + alignment - 1) / alignment * alignment;
-  out_.resize(at + size);
-  if (size > 0) std::memcpy(out_.data() + at, data, size);
+  out_.resize((out_.size() + alignment - 1) / alignment * alignment);
+  const auto* const first = static_cast<const std::byte*>(data);
+  out_.insert(out_.end(), first, first + size);  // resize would write zeros first
 }
 
 const std::byte* TransferReader::get_plain(std::uint64_t n, std::size_t size, std::size_t alignment) {

@@ -320,8 +320,13 @@ class TransferReader {
     if constexpr (Plain<E>) {
       const std::byte* p = get_plain(n, sizeof(E), alignof(E));
       if (p == nullptr || n == 0) return;
-      x.resize(n);
-      std::memcpy(static_cast<void*>(x.data()), p, n * sizeof(E));
+      if constexpr (std::is_trivial_v<E> && std::is_copy_assignable_v<E>) {  // no zeros are written first
+        const E* const first = reinterpret_cast<const E*>(p);
+        x.assign(first, first + n);
+      } else {
+        x.resize(n);
+        std::memcpy(static_cast<void*>(x.data()), p, n * sizeof(E));
+      }
     } else {
       if (n > in_.size() - at_) ok_ = false;  // each takes a byte at least
       for (std::uint64_t i = 0; ok_ && i < n; ++i) get(x.emplace_back());
