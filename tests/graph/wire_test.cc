@@ -83,6 +83,44 @@ TEST(Wire, CarriesASolutionAndItsVersion) {
   EXPECT_EQ(std::memcmp(got.columns[0].values.data(), c.values.data(), 5 * sizeof(Point3d)), 0);
 }
 
+TEST(Wire, ReadsASolutionInPlaceOfAnotherAndOfNothingWhereItIsDamaged) {
+  const TypeList types = random_graph_types();
+  const auto column_of = [](const VariableOps& ops, std::uint32_t n) {
+    Solution::Column c;
+    c.ops = &ops;
+    c.values = ByteColumn(ops.bytes);
+    const std::vector<std::byte> value(ops.bytes, std::byte{7});
+    for (std::uint32_t i = 0; i < n; ++i) c.keys.push_back({i, 1}), c.values.push_back(value.data());
+    return c;
+  };
+  const VariableOps &point = kVariableOps<Point3d>, &pose = kVariableOps<Pose3d>;
+  std::vector<Solution> solutions(4);
+  solutions[0].columns = {column_of(pose, 9), column_of(point, 3)};
+  solutions[1].columns = {column_of(point, 4), column_of(pose, 2)};
+  solutions[2].columns = {column_of(pose, 1)};
+  solutions[3].columns = {column_of(pose, 12), column_of(point, 1)};
+  Solution got;
+  for (const Solution& s : solutions) {
+    Bytes bytes;
+    append_solution(bytes, s);
+    ASSERT_TRUE(read_solution(*read_message(bytes), types, got));
+    ASSERT_EQ(got.columns.size(), s.columns.size());
+    for (std::size_t k = 0; k < s.columns.size(); ++k) {
+      EXPECT_EQ(got.columns[k].ops, s.columns[k].ops);
+      EXPECT_EQ(got.columns[k].keys, s.columns[k].keys);
+      ASSERT_EQ(got.columns[k].values.size(), s.columns[k].values.size());
+      EXPECT_EQ(std::memcmp(got.columns[k].values.data(), s.columns[k].values.data(),
+                            s.columns[k].values.size() * s.columns[k].ops->bytes),
+                0);
+    }
+    Message cut = *read_message(bytes);
+    cut.payload = cut.payload.first(cut.payload.size() - 1);
+    Solution damaged = got;
+    EXPECT_FALSE(read_solution(cut, types, damaged));
+    EXPECT_TRUE(damaged.columns.empty());
+  }
+}
+
 TEST(Wire, NamesATypeThatTheReaderDoesNotKnow) {
   RandomGraph origin(3, true);
   for (int i = 0; i < 40; ++i) ASSERT_TRUE(origin.step(6));

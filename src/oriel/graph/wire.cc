@@ -130,12 +130,16 @@ void put_columns(ByteWriter& w, const Columns& columns) {
     if (!c->empty()) put(w, *c);
 }
 
-Result<void> get_column(ByteReader& r, const TypeList& types, Solution& out) {
+// Into the memory of the column that was read in its place before, if there is one.
+Result<void> get_column(ByteReader& r, const TypeList& types, std::size_t place, Solution& out) {
   auto ops = get_type(r, types);
   if (!ops) return ops.error();
-  Solution::Column& c = out.columns.emplace_back();
+  if (place == out.columns.size()) out.columns.emplace_back();
+  Solution::Column& c = out.columns[place];
+  if (c.ops != *ops) c.values = ByteColumn((*ops)->bytes);
   c.ops = *ops;
-  c.values = ByteColumn((*ops)->bytes);
+  c.keys.clear();
+  c.values.clear();
   const std::uint32_t n = r.get_count(8 + (*ops)->bytes);
   for (std::uint32_t i = 0; i < n; ++i) c.keys.push_back(get_key(r));
   for (std::uint32_t i = 0; i < n; ++i)
@@ -221,14 +225,21 @@ void append_solution(Bytes& out, const Solution& solution) {
   });
 }
 
+// The memory of the solution that was read before is used again.
 Result<void> read_solution(const Message& message, const TypeList& types, Solution& solution) {
-  solution = {};
-  if (message.kind != kSolutionMessage) return damaged("it is no solution");
-  ByteReader r(message.payload);
-  solution.version = r.get<std::uint64_t>();
-  for (std::uint32_t n = r.get_count(1); n > 0; --n)
-    if (auto ok = get_column(r, types, solution); !ok) return ok;
-  return r.at_end() ? Result<void>() : damaged("bytes are missing or left over");
+  const auto read = [&]() -> Result<void> {
+    if (message.kind != kSolutionMessage) return damaged("it is no solution");
+    ByteReader r(message.payload);
+    solution.version = r.get<std::uint64_t>();
+    const std::uint32_t n = r.get_count(1);
+    for (std::uint32_t k = 0; k < n; ++k)
+      if (auto ok = get_column(r, types, k, solution); !ok) return ok;
+    solution.columns.resize(n);
+    return r.at_end() ? Result<void>() : damaged("bytes are missing or left over");
+  };
+  auto ok = read();
+  if (!ok) solution = {};
+  return ok;
 }
 
 }  // namespace oriel

@@ -46,7 +46,8 @@ struct SolveContext::State {
   Graph graph;
   NativeEngine engine;
   GraphEdit edit;
-  std::uint64_t sequence = 0;  // of the last job
+  std::uint64_t sequence = 0;     // of the last job
+  std::size_t solution_size = 0;  // of the last message [bytes]
 };
 
 SolveContext::SolveContext(TypeList types) : state_(new State(std::move(types))) {}
@@ -75,7 +76,11 @@ Result<SolveOutput> SolveContext::solve(const SolveInput& input) {
 
   SolveOutput out;
   out.version = input.version;
-  if (!summary.failed() && summary.accepted > 0) append_solution(out.solution, s.engine.solution());
+  if (!summary.failed() && summary.accepted > 0) {
+    out.solution.reserve(s.solution_size + s.solution_size / 8);
+    append_solution(out.solution, s.engine.solution());
+    s.solution_size = out.solution.size();
+  }
   append_outcome(out.outcome, outcome_of(summary, s.engine.state(), s.graph));
   out.order = s.engine.state().order;
   return out;
@@ -91,6 +96,7 @@ SolveOwner::SolveOwner(SolveOwner&& other) noexcept
       state_(other.state_),
       outcome_(other.outcome_),
       edit_(std::move(other.edit_)),
+      input_(std::move(other.input_)),
       solution_(std::move(other.solution_)),
       written_(std::move(other.written_)) {}
 
@@ -106,8 +112,11 @@ void SolveOwner::begin_anew() {
   sequence_ = 0;
 }
 
-SolveInput SolveOwner::collect(const SolveOptions& options) {
-  SolveInput in;
+const SolveInput& SolveOwner::collect(const SolveOptions& options) {
+  SolveInput& in = input_;
+  in.edit.clear();
+  in.request.clear();
+  in.order = {};
   graph_->collect(subscription_, edit_);
   if (std::exchange(whole_, false))
     edit_.mark_whole(), in.order = state_.order;

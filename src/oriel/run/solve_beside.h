@@ -52,8 +52,8 @@ class SolveOwner {
   SolveOwner(Graph& graph, TypeList types) : graph_(&graph), types_(std::move(types)) { begin_anew(); }
   SolveOwner(SolveOwner&& other) noexcept;
   SolveOwner& operator=(SolveOwner&&) = delete;
-  ~SolveOwner();  // the graph keeps nothing for it any more
-  SolveInput collect(const SolveOptions& options);
+  ~SolveOwner();                                           // the graph keeps nothing for it any more
+  const SolveInput& collect(const SolveOptions& options);  // good until the next
   void write(const SolveOutput& output);
   const Result<void>& written() const { return written_; }  // what came of it
   // The worker is not where it should be: it is told everything next time.
@@ -72,6 +72,7 @@ class SolveOwner {
   SolverState state_;
   SolveOutcome outcome_;
   GraphEdit edit_;
+  SolveInput input_;
   Solution solution_;
   Result<void> written_;
 };
