@@ -4,17 +4,13 @@
 #include <string_view>
 #include <vector>
 
-#include "oriel/window/odometry_options.h"
+#include "oriel/run/words.h"
 
 namespace oriel::apps {
 
-inline const std::vector<std::string> kLandmarkModels = {"by-cameras", "inverse-depth", "point"};
+inline std::vector<std::string> landmark_words() { return landmark_models().list(); }
 
 // Of one of these words.
-inline LandmarkModel landmark_model(std::string_view word) {
-  return word == "point"           ? LandmarkModel::point
-         : word == "inverse-depth" ? LandmarkModel::inverse_depth
-                                   : LandmarkModel::by_cameras;
-}
+inline LandmarkModel landmark_model(std::string_view word) { return *landmark_models().find(word); }
 
 }  // namespace oriel::apps

@@ -159,7 +159,7 @@ void add_nees_command(CLI::App& app, int& exit_code) {
   command
       ->add_option("--landmarks", a->landmarks,
                    "As the window has them (by-cameras: points of two cameras, inverse depths of one)")
-      ->check(one_of(kLandmarkModels));
+      ->check(one_of(landmark_words()));
   command->add_flag("--mono", a->mono, "The left camera alone");
   command->add_option("--json", a->json, "Report as one object; - is standard output");
   command->callback([a, &exit_code] { exit_code = run(*a); });

@@ -19,9 +19,11 @@ ImuNoise noise_of(const RecordedImuNoise& n) {
           n.accelerometer_random_walk};
 }
 
+TumPose tum_of(Time time, const Pose3d& T) { return {time, T.t, T.R.qx, T.R.qy, T.R.qz, T.R.qw}; }
+
 std::vector<TumPose> tum_of(const Trajectory& trajectory) {
   std::vector<TumPose> out;
-  for (const auto& [time, T] : trajectory.poses()) out.push_back({time, T.t, T.R.qx, T.R.qy, T.R.qz, T.R.qw});
+  for (const auto& [time, T] : trajectory.poses()) out.push_back(tum_of(time, T));
   return out;
 }
 

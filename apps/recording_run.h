@@ -11,6 +11,7 @@
 namespace oriel::apps {
 
 ImuNoise noise_of(const RecordedImuNoise& noise);
+TumPose tum_of(Time time, const Pose3d& T_world_body);
 std::vector<TumPose> tum_of(const Trajectory& trajectory);
 // Overwrites `out`.
 void features_of(const Recording& recording, const RecordedFrame& frame, std::vector<FeatureObservation>& out);

@@ -126,7 +126,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command
       ->add_option("--landmarks", a->landmarks,
                    "As the window has them (by-cameras: points of two cameras, inverse depths of one)")
-      ->check(one_of(kLandmarkModels));
+      ->check(one_of(landmark_words()));
   command->add_option("--journal", a->journal, "File for every edit and solve, for `oriel replay`");
   command->callback([a, command, &exit_code] { exit_code = run(*command, *a); });
 }

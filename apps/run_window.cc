@@ -113,8 +113,9 @@ class WindowRun {
       warn(fmt::format("frame {}: the solve failed {}", frame.number, update.solve.refusal));
     if (update.status == WindowUpdate::Status::slide_failed)
       warn(fmt::format("frame {}: nothing could leave the window: {}", frame.number, update.error.message));
-    if (update.waiting > 0)
-      warn(fmt::format("frame {}: {} groups wait for their states", frame.number, update.waiting));
+    if (update.waiting > 0 && !waits_)
+      warn(fmt::format("frame {}: no motion reaches it yet; it waits, and what comes after it", frame.number));
+    waits_ = update.waiting > 0;
   }
 
   void warn(std::string text) {

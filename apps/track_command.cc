@@ -6,6 +6,7 @@
 #include "apps/command.h"
 #include "apps/commands.h"
 #include "apps/track_recording.h"
+#include "oriel/run/words.h"
 
 namespace oriel::apps {
 namespace {
@@ -14,19 +15,6 @@ struct TrackArguments {
   std::string recording, config, executor = "inline", residual = "stereo", coordinates = "previous", source = "map";
   TrackTargets targets;
 };
-
-template <class E>
-E place_of(const std::string& word, std::initializer_list<const char*> words) {
-  int i = 0;
-  for (const char* w : words) {
-    if (word == w) break;
-    ++i;
-  }
-  return static_cast<E>(i);
-}
-constexpr std::initializer_list<const char*> kResiduals = {"points", "pixel", "disparity", "stereo"};
-constexpr std::initializer_list<const char*> kCoordinates = {"previous", "world"};
-constexpr std::initializer_list<const char*> kSources = {"previous", "map"};
 
 // The config where one is given; then what the command line says beside it.
 RunConfigReading settings(const CLI::App& command, const TrackArguments& a) {
@@ -40,10 +28,9 @@ RunConfigReading settings(const CLI::App& command, const TrackArguments& a) {
   if (reading.errors.empty() && c.engine != "native")
     reading.errors.push_back({ErrorCode::bad_input, "expected the engine native for the task two_frame", a.config});
   if (command.count("--executor") > 0) c.executor = *executor_kind(a.executor);
-  if (command.count("--residual") > 0) c.two_frame.residual = place_of<MatchResidual>(a.residual, kResiduals);
-  if (command.count("--coordinates") > 0)
-    c.two_frame.coordinates = place_of<MatchCoordinates>(a.coordinates, kCoordinates);
-  if (command.count("--source") > 0) c.two_frame.source = place_of<MatchSource>(a.source, kSources);
+  if (command.count("--residual") > 0) c.two_frame.residual = *match_residuals().find(a.residual);
+  if (command.count("--coordinates") > 0) c.two_frame.coordinates = *match_coordinates().find(a.coordinates);
+  if (command.count("--source") > 0) c.two_frame.source = *match_sources().find(a.source);
   return reading;
 }
 
@@ -69,13 +56,13 @@ void add_track_command(CLI::App& app, int& exit_code) {
       ->check(one_of(shipped_executors().list()))
       ->capture_default_str();
   command->add_option("--residual", a->residual, "What is compared")
-      ->check(one_of({kResiduals.begin(), kResiduals.end()}))
+      ->check(one_of(match_residuals().list()))
       ->capture_default_str();
   command->add_option("--coordinates", a->coordinates, "In which a task is written down; equal results")
-      ->check(one_of({kCoordinates.begin(), kCoordinates.end()}))
+      ->check(one_of(match_coordinates().list()))
       ->capture_default_str();
   command->add_option("--source", a->source, "What is known of a point: by the previous frame, by all frames")
-      ->check(one_of({kSources.begin(), kSources.end()}))
+      ->check(one_of(match_sources().list()))
       ->capture_default_str();
   command->add_option("--config", a->config, "Settings (YAML, task: two_frame); `oriel config` prints them all");
   command->add_option("--json", a->targets.json, "Report as one object; - is standard output");

@@ -12,6 +12,7 @@
 
 #include "apps/command.h"
 #include "apps/recording_rig.h"
+#include "apps/recording_run.h"
 #include "oriel/base/percentile.h"
 #include "oriel/evaluate/associate.h"
 #include "oriel/evaluate/ate.h"
@@ -25,12 +26,9 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr Duration kMaxStampDifference{10'000'000};  // of an estimate and its truth [ns]
 constexpr int kRetries = 3;                          // of a job whose worker died
 
-std::vector<TumPose> tum_of(const MapFrames& frames) {
+std::vector<TumPose> poses_of(const MapFrames& frames) {
   std::vector<TumPose> out;
-  for (std::uint32_t k = 0; k < frames.size(); ++k) {
-    const Pose3d& T = frames.T_world_body[k];
-    out.push_back({frames.time[k], T.t, T.R.qx, T.R.qy, T.R.qz, T.R.qw});
-  }
+  for (std::uint32_t k = 0; k < frames.size(); ++k) out.push_back(tum_of(frames.time[k], frames.T_world_body[k]));
   return out;
 }
 
@@ -49,9 +47,7 @@ Result<std::vector<double>> run(const Recording& recording, TwoFrameOdometry& od
   std::vector<double> milliseconds;
   std::vector<FeatureObservation> features;
   for (const RecordedFrame& frame : recording.frames) {
-    features.clear();
-    for (const RecordedObservation& o : recording.observations_of(frame))
-      features.push_back({o.track_id, {{o.u0, o.v0}}, {{o.u1, o.v1}}, o.has_right});
+    features_of(recording, frame, features);
     const auto began = std::chrono::steady_clock::now();
     if (auto ok = odometry.add({frame.time, features}); !ok) return ok.error();
     milliseconds.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - began).count());
@@ -91,7 +87,7 @@ Result<TrackReport> track_recording(const Recording& recording, const RunConfig&
   report.warnings = odometry->warnings();
   report.map = odometry->take_map();
   report.points = report.map.points.size();
-  report.trajectory = tum_of(report.map.frames);
+  report.trajectory = poses_of(report.map.frames);
   judge(recording, report);
   return report;
 }

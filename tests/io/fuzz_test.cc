@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fuzz/readers.h"
+#include "oriel/io/run_config.h"
 #include "oriel/io/text.h"
 
 namespace oriel {
@@ -177,6 +178,28 @@ TEST(ReadersOfMaps, KeepTheirPromisesForSpoiledVisualMaps) {
   const auto seed = read_text_file(std::string(ORIEL_SOURCE_DIR) + "/fuzz/seeds/small.map");
   ASSERT_TRUE(seed) << seed.error();
   spoil_all({*seed}, 20000, fuzz::visual_map);
+}
+
+// R9
+TEST(ReadersOfConfigs, KeepTheirPromisesForSpoiledConfigs) {
+  const std::string window =
+      "task: sliding_window\nexecutor: inline\nwindow: {policy: {name: lag, max_states: 6}, landmarks: keep}\n"
+      "providers:\n  - {name: constant_velocity, longest: 3}\nbuilders:\n  - name: structureless\n    loss: huber:3\n"
+      "hooks: [refine, {name: mahalanobis_gate, builder: structureless}]\n";
+  const std::string odometry =
+      "task: inertial_odometry\nexecutor: process\nvisual: {loss: 'barron:2:-inf'}\nkeyframes:\n  max_keyframes: 7\n";
+  spoil_all({window, odometry}, 1500, [](const std::string& text) {
+    const auto reading = parse_run_config(text, "f");
+    for (const Error& e : reading.errors) {
+      fuzz::require_short_line(e);
+      EXPECT_GE(e.line, 0);
+    }
+    if (!reading.errors.empty()) return;
+    const std::string once = run_config_text(reading.config);
+    const auto again = parse_run_config(once, "again");
+    ASSERT_TRUE(again.errors.empty()) << again.errors[0] << text;
+    EXPECT_EQ(run_config_text(again.config), once);
+  });
 }
 
 }  // namespace

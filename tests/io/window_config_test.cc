@@ -47,7 +47,7 @@ TEST(WindowConfig, PutsAWindowTogetherOutOfPartsByName) {
   EXPECT_EQ(names_of(plan.hooks), (Faults{"cheirality", "mahalanobis_gate"}));
   EXPECT_EQ(plan.policy.name, "lag");
   EXPECT_EQ(plan.policy.options.as<Lag>().max_states, 6);
-  EXPECT_EQ(plan.policy.line, 3);
+  EXPECT_EQ(plan.policy.line, 4);
 }
 
 // R9: what is not said is visual-inertial odometry.

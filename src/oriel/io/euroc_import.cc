@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "oriel/io/camera_frame.h"
+#include "oriel/io/recording_files.h"
 #include "oriel/io/text.h"
 #include "oriel/io/yaml_fields.h"
 
@@ -87,22 +88,6 @@ Result<void> read_calibration(const fs::path& root, Recording& recording) {
   return {};
 }
 
-Result<void> read_tables(const fs::path& root, Recording& recording) {
-  const std::string imu_path = (root / "imu.csv").string(), tracks_path = (root / "tracks.csv").string();
-  const Result<std::string> imu_text = read_text_file(imu_path);
-  if (!imu_text) return imu_text.error();
-  Result<std::vector<RecordedImu>> imu = parse_imu_csv(*imu_text, imu_path);
-  if (!imu) return imu.error();
-  const Result<std::string> tracks_text = read_text_file(tracks_path);
-  if (!tracks_text) return tracks_text.error();
-  Result<RecordedTracks> tracks = parse_tracks_csv(*tracks_text, tracks_path, recording.cameras.size());
-  if (!tracks) return tracks.error();
-  recording.imu = std::move(*imu);
-  recording.frames = std::move(tracks->frames);
-  recording.observations = std::move(tracks->observations);
-  return {};
-}
-
 }  // namespace
 
 Result<Recording> read_euroc(const std::string& source_folder) {
@@ -116,14 +101,11 @@ Result<Recording> read_euroc(const std::string& source_folder) {
   recording.name = fs::absolute(root, code).lexically_normal().filename().string();
   recording.origin = "EuRoC MAV data set (ASL, ETH Zurich), imported from the folder " + recording.name;
   if (auto done = read_calibration(root, recording); !done) return done.error();
-  if (auto done = read_tables(root, recording); !done) return done.error();
+  if (auto ok = io_detail::read_imu_into((root / "imu.csv").string(), recording); !ok) return ok.error();
+  if (auto ok = io_detail::read_tracks_into((root / "tracks.csv").string(), recording); !ok) return ok.error();
   const std::string truth_path = (root / "groundtruth.tum").string();
-  if (!fs::exists(truth_path, code)) return recording;
-  const Result<std::string> text = read_text_file(truth_path);
-  if (!text) return text.error();
-  Result<std::vector<TumPose>> truth = parse_groundtruth(*text, truth_path);
-  if (!truth) return truth.error();
-  recording.groundtruth = std::move(*truth);
+  if (fs::exists(truth_path, code))
+    if (auto ok = io_detail::read_truth_into(truth_path, recording); !ok) return ok.error();
   return recording;
 }
 

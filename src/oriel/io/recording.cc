@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "oriel/io/camera_frame.h"
+#include "oriel/io/recording_files.h"
 #include "oriel/io/text.h"
 #include "oriel/io/yaml_fields.h"
 
@@ -227,6 +228,38 @@ Result<void> write_files(const fs::path& folder, const Recording& r) {
 
 }  // namespace
 
+namespace io_detail {
+
+Result<void> read_imu_into(const std::string& path, Recording& recording) {
+  const Result<std::string> text = read_text_file(path);
+  if (!text) return text.error();
+  Result<std::vector<RecordedImu>> imu = parse_imu_csv(*text, path);
+  if (!imu) return imu.error();
+  recording.imu = std::move(*imu);
+  return {};
+}
+
+Result<void> read_tracks_into(const std::string& path, Recording& recording) {
+  const Result<std::string> text = read_text_file(path);
+  if (!text) return text.error();
+  Result<RecordedTracks> tracks = parse_tracks_csv(*text, path, recording.cameras.size());
+  if (!tracks) return tracks.error();
+  recording.frames = std::move(tracks->frames);
+  recording.observations = std::move(tracks->observations);
+  return {};
+}
+
+Result<void> read_truth_into(const std::string& path, Recording& recording) {
+  const Result<std::string> text = read_text_file(path);
+  if (!text) return text.error();
+  Result<std::vector<TumPose>> truth = parse_groundtruth(*text, path);
+  if (!truth) return truth.error();
+  recording.groundtruth = std::move(*truth);
+  return {};
+}
+
+}  // namespace io_detail
+
 Result<Recording> read_recording(const std::string& folder) {
   const fs::path root(folder);
   std::error_code code;
@@ -237,29 +270,11 @@ Result<Recording> read_recording(const std::string& folder) {
   FileNames names;
   if (auto done = read_index((root / kIndexFile).string(), recording, names); !done) return done.error();
 
-  if (!names.imu.empty()) {
-    const std::string imu_path = (root / names.imu).string();
-    const Result<std::string> imu_text = read_text_file(imu_path);
-    if (!imu_text) return imu_text.error();
-    Result<std::vector<RecordedImu>> imu = parse_imu_csv(*imu_text, imu_path);
-    if (!imu) return imu.error();
-    recording.imu = std::move(*imu);
-  }
-  const std::string tracks_path = (root / names.tracks).string();
-  const Result<std::string> tracks_text = read_text_file(tracks_path);
-  if (!tracks_text) return tracks_text.error();
-  Result<RecordedTracks> tracks = parse_tracks_csv(*tracks_text, tracks_path, recording.cameras.size());
-  if (!tracks) return tracks.error();
-  recording.frames = std::move(tracks->frames);
-  recording.observations = std::move(tracks->observations);
-  if (names.groundtruth.empty()) return recording;
-
-  const std::string truth_path = (root / names.groundtruth).string();
-  const Result<std::string> truth_text = read_text_file(truth_path);
-  if (!truth_text) return truth_text.error();
-  Result<std::vector<TumPose>> truth = parse_groundtruth(*truth_text, truth_path);
-  if (!truth) return truth.error();
-  recording.groundtruth = std::move(*truth);
+  if (!names.imu.empty())
+    if (auto ok = io_detail::read_imu_into((root / names.imu).string(), recording); !ok) return ok.error();
+  if (auto ok = io_detail::read_tracks_into((root / names.tracks).string(), recording); !ok) return ok.error();
+  if (!names.groundtruth.empty())
+    if (auto ok = io_detail::read_truth_into((root / names.groundtruth).string(), recording); !ok) return ok.error();
   return recording;
 }
 

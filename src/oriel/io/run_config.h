@@ -16,7 +16,7 @@ struct RunConfig {
   ExecutorKind executor = ExecutorKind::in_place;
   Duration time_limit{0};             // of a job [ns]; 0: none
   std::uint64_t memory_limit_mb = 0;  // of a worker's process; 0: none
-  bool defer = false;                 // solves of inertial_odometry go on beside its updates
+  bool defer = false;                 // solves go on beside the updates
   OdometryOptions odometry;           // of inertial_odometry
   TwoFrameOptions two_frame;          // of two_frame
   WindowPlan window;                  // of sliding_window

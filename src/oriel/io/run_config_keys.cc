@@ -1,5 +1,7 @@
 #include "oriel/io/run_config_keys.h"
 
+#include "oriel/run/words.h"
+
 namespace oriel::io_detail {
 namespace {
 
@@ -7,20 +9,12 @@ constexpr double kTiny = 1e-12, kHuge = 1e12;
 
 using namespace setting;
 
-const Word kLandmarks("by-cameras inverse-depth point",
-                      [](RunConfig& c) -> LandmarkModel& { return c.odometry.visual.landmarks; });
-const Word kResiduals("points pixel disparity stereo", member<&RunConfig::two_frame, &TwoFrameOptions::residual>);
-const Word kCoordinates("previous world", member<&RunConfig::two_frame, &TwoFrameOptions::coordinates>);
-const Word kSources("previous map", member<&RunConfig::two_frame, &TwoFrameOptions::source>);
-
+const Word kLandmarks(landmark_models(), [](RunConfig& c) -> LandmarkModel& { return c.odometry.visual.landmarks; });
+const Word kResiduals(match_residuals(), member<&RunConfig::two_frame, &TwoFrameOptions::residual>);
+const Word kCoordinates(match_coordinates(), member<&RunConfig::two_frame, &TwoFrameOptions::coordinates>);
+const Word kSources(match_sources(), member<&RunConfig::two_frame, &TwoFrameOptions::source>);
 const Word kLandmarkPolicies("keep close drop",
                              [](RunConfig& c) -> LandmarkPolicy& { return c.window.window.marginalize.landmarks; });
-
-Word executor_words(const NameTable<ExecutorKind>& table) {
-  std::vector<std::pair<std::string, int>> words;
-  for (const auto& [name, kind] : table.items()) words.emplace_back(name, static_cast<int>(kind));
-  return {words, member<&RunConfig::executor>};
-}
 
 const ConfigKey kKeys[] = {
     {"", "defer", Flag{[](RunConfig& c) -> bool& { return c.defer; }}, "-",
@@ -206,9 +200,11 @@ const ConfigKey kKeys[] = {
 std::vector<ConfigKey> run_config_keys(const RunNames& names) {
   std::vector<ConfigKey> keys = {
       {"", "task", Choice{names.tasks.list(), member<&RunConfig::task>}, "-", "What is run.", true},
-      {"", "executor", executor_words(names.executors), "-",
+      {"", "executor", Word{names.executors, member<&RunConfig::executor>}, "-",
        "Where it is solved: in place, in a thread, in a child process.", true},
-      {"", "engine", Choice{names.engines.list(), member<&RunConfig::engine>}, "-", "What solves it."}};
+      {"", "engine", Choice{names.engines.list(), member<&RunConfig::engine>}, "-", "What solves it."},
+      {"", "defer", Flag{[](RunConfig& c) -> bool& { return c.defer; }}, "-",
+       "A solve goes on while the caller does, and the next update merges it; by the engine native."}};
   keys.insert(keys.end(), std::begin(kKeys), std::end(kKeys));
   return keys;
 }

@@ -91,7 +91,8 @@ std::string PartsReader::name_of(const YAML::Node& node, const std::string& path
     return faults_.add(node, "expected a name, or a map with the key `name`, under `" + path + "`"), "";
   }
   if (table.get(name.Scalar()) != nullptr) return name.Scalar();
-  faults_.add(name, table.unknown(name.Scalar()).message);
+  faults_.add(name,
+              "unknown " + table.what() + " " + quote_token(name.Scalar()) + "; expected one of " + table.names());
   return "";
 }
 

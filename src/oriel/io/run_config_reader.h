@@ -1,5 +1,6 @@
 // Reading one map of settings of a config after the other, all faults collected. Private to run_config*.cc.
 #pragma once
+#include <algorithm>
 #include <set>
 #include <string>
 #include <vector>
@@ -26,8 +27,13 @@ class ConfigFaults {
   const std::string& file_;
 };
 
-// The text of a key; "?" where it is a list or a map.
-inline std::string key_text(const YAML::Node& key) { return key.IsScalar() ? key.Scalar() : "?"; }
+// The text of a key; "?" where it is a list or a map, or nothing that a line could show.
+inline std::string key_text(const YAML::Node& key) {
+  if (!key.IsScalar()) return "?";
+  const std::string text = key.Scalar();
+  const bool shown = std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c <= '~'; });
+  return shown && !text.empty() && text.size() <= 60 ? text : "?";
+}
 
 // Sets what a node says; a fault where that is none. `path`: of messages, "visual.gate".
 void read_setting(const setting::Kind& kind, void* options, const YAML::Node& node, const std::string& path,

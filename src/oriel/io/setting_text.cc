@@ -37,8 +37,9 @@ struct Set {
   }
   std::string operator()(const Count& c) const {
     std::int64_t x = 0;
-    if (parse_integer(text, x) != NumberFault::none || x < 0 || x > (std::int64_t{1} << 40))
-      return "a whole number that is not negative";
+    if (parse_integer(text, x) != NumberFault::none || x < 0 || static_cast<std::uint64_t>(x) > c.greatest)
+      return c.greatest == Count::kMost ? "a whole number that is not negative"
+                                        : "a whole number from 0 to " + std::to_string(c.greatest);
     c.at(options) = static_cast<std::uint64_t>(x);
     return {};
   }

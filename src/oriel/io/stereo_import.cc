@@ -8,6 +8,7 @@
 #include "oriel/io/camera_frame.h"
 #include "oriel/io/euroc_import.h"
 #include "oriel/io/gtsam_import.h"
+#include "oriel/io/recording_files.h"
 #include "oriel/io/text.h"
 #include "oriel/io/yaml_fields.h"
 
@@ -74,19 +75,10 @@ Result<Recording> read_stereo_tracks(const std::string& source_folder) {
   Result<std::vector<RecordedCamera>> cameras = read_pair((root / "calib.yaml").string());
   if (!cameras) return cameras.error();
   recording.cameras = std::move(*cameras);
-  const std::string tracks_path = (root / "tracks.csv").string(), truth_path = (root / "groundtruth.tum").string();
-  const Result<std::string> text = read_text_file(tracks_path);
-  if (!text) return text.error();
-  Result<RecordedTracks> tracks = parse_tracks_csv(*text, tracks_path, 2);
-  if (!tracks) return tracks.error();
-  recording.frames = std::move(tracks->frames);
-  recording.observations = std::move(tracks->observations);
-  if (!fs::exists(truth_path, code)) return recording;
-  const Result<std::string> truth_text = read_text_file(truth_path);
-  if (!truth_text) return truth_text.error();
-  Result<std::vector<TumPose>> truth = parse_groundtruth(*truth_text, truth_path);
-  if (!truth) return truth.error();
-  recording.groundtruth = std::move(*truth);
+  if (auto ok = io_detail::read_tracks_into((root / "tracks.csv").string(), recording); !ok) return ok.error();
+  const std::string truth_path = (root / "groundtruth.tum").string();
+  if (fs::exists(truth_path, code))
+    if (auto ok = io_detail::read_truth_into(truth_path, recording); !ok) return ok.error();
   return recording;
 }
 

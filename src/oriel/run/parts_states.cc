@@ -2,6 +2,7 @@
 #include "oriel/residual/gnss.h"
 #include "oriel/run/inertial_start.h"
 #include "oriel/run/window_parts.h"
+#include "oriel/run/words.h"
 #include "oriel/window/constant_velocity_provider.h"
 #include "oriel/window/odometry_provider.h"
 #include "oriel/window/sensor_builder.h"
@@ -145,7 +146,7 @@ const std::vector<Setting>& track_settings() {
   static const std::vector<Setting> settings = {
       {"states", Reference{Reference::To::provider, member<&TrackPart::states>}, "-",
        "The provider of the poses that see; empty: the first."},
-      {"landmarks", Word{"by-cameras inverse-depth point", member<&TrackPart::landmarks>}, "-",
+      {"landmarks", Word{landmark_models(), member<&TrackPart::landmarks>}, "-",
        "What a landmark is: points where two cameras see it and inverse depths where one does, or the same for all."},
       {"stereo", Flag{member<&TrackPart::builder, &B::stereo>}, "-",
        "The second camera is looked at, if there is one."},
@@ -162,8 +163,10 @@ const std::vector<Setting>& track_settings() {
        "Farthest landmark."},
       {"least_parallax", Real{member<&TrackPart::builder, &B::limits, &TrackLimits::least_parallax>, kTiny, 3.2}, "rad",
        "Of a landmark's rays."},
-      {"expected_tracks", Count{member<&TrackPart::builder, &B::expected_tracks>}, "-", "That memory is kept for."},
-      {"expected_states", Count{member<&TrackPart::builder, &B::expected_states>}, "-", "That memory is kept for."}};
+      {"expected_tracks", Count{member<&TrackPart::builder, &B::expected_tracks>, 20000}, "-",
+       "That memory is kept for."},
+      {"expected_states", Count{member<&TrackPart::builder, &B::expected_states>, 500}, "-",
+       "That memory is kept for."}};
   return settings;
 }
 
@@ -209,8 +212,8 @@ const std::vector<Setting>& structureless_settings() {
        "Farthest point."},
       {"least_parallax", Real{member<&P::builder, &B::limits, &TrackLimits::least_parallax>, kTiny, 3.2}, "rad",
        "Of a track's rays."},
-      {"expected_tracks", Count{member<&P::builder, &B::expected_tracks>}, "-", "That memory is kept for."},
-      {"expected_states", Count{member<&P::builder, &B::expected_states>}, "-", "That memory is kept for."}};
+      {"expected_tracks", Count{member<&P::builder, &B::expected_tracks>, 20000}, "-", "That memory is kept for."},
+      {"expected_states", Count{member<&P::builder, &B::expected_states>, 500}, "-", "That memory is kept for."}};
   return settings;
 }
 

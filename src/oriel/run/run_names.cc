@@ -2,6 +2,7 @@
 
 #include "oriel/run/two_frame_task.h"
 #include "oriel/run/window_solver.h"
+#include "oriel/run/words.h"
 #include "oriel/solve/native_engine.h"
 
 namespace oriel {
@@ -50,6 +51,29 @@ std::string name_of(ExecutorKind kind) {
   for (const auto& [name, k] : all.items())
     if (k == kind) return name;
   return {};
+}
+
+NameTable<LandmarkModel> landmark_models() {
+  Filler<LandmarkModel> add{NameTable<LandmarkModel>("landmark")};
+  add("by-cameras", LandmarkModel::by_cameras)("inverse-depth", LandmarkModel::inverse_depth);
+  add("point", LandmarkModel::point);
+  return add.table;
+}
+NameTable<MatchResidual> match_residuals() {
+  Filler<MatchResidual> add{NameTable<MatchResidual>("residual")};
+  add("points", MatchResidual::points)("pixel", MatchResidual::pixel);
+  add("disparity", MatchResidual::disparity)("stereo", MatchResidual::stereo);
+  return add.table;
+}
+NameTable<MatchCoordinates> match_coordinates() {
+  Filler<MatchCoordinates> add{NameTable<MatchCoordinates>("coordinates")};
+  add("previous", MatchCoordinates::previous)("world", MatchCoordinates::world);
+  return add.table;
+}
+NameTable<MatchSource> match_sources() {
+  Filler<MatchSource> add{NameTable<MatchSource>("source")};
+  add("previous", MatchSource::previous)("map", MatchSource::map);
+  return add.table;
 }
 
 NameTable<NamedTask> shipped_tasks() {

@@ -20,6 +20,7 @@
 #include "oriel/base/owned.h"
 #include "oriel/base/time.h"
 #include "oriel/residual/loss.h"
+#include "oriel/run/name_table.h"
 
 namespace oriel {
 
@@ -73,7 +74,9 @@ struct Whole {
   int least, greatest;
 };
 struct Count {  // not negative
+  static constexpr std::uint64_t kMost = std::uint64_t{1} << 40;
   Place<std::uint64_t> at;
+  std::uint64_t greatest = kMost;
 };
 struct Seconds {
   Place<Duration> at;
@@ -92,6 +95,9 @@ class Word {
   // Separated by blanks, in the order of the values.
   template <class F>
   Word(std::string_view words, F at) : Word(numbered(words), at) {}
+  // Those of a table.
+  template <class E, class F>
+  Word(const NameTable<E>& table, F at) : Word(numbered(table), at) {}
   template <class F>
   Word(std::vector<std::pair<std::string, int>> words, F)
       : words_(std::move(words)),
@@ -107,6 +113,12 @@ class Word {
 
  private:
   static std::vector<std::pair<std::string, int>> numbered(std::string_view words);
+  template <class E>
+  static std::vector<std::pair<std::string, int>> numbered(const NameTable<E>& table) {
+    std::vector<std::pair<std::string, int>> words;
+    for (const auto& [name, value] : table.items()) words.emplace_back(name, static_cast<int>(value));
+    return words;
+  }
   std::vector<std::pair<std::string, int>> words_;
   int (*get_)(void*);
   void (*set_)(void*, int);
