@@ -85,7 +85,8 @@ TEST(CustomNames, ALossOfOnesOwnIsNamedByAConfigAndPrintedAgain) {
   EXPECT_EQ(reading.config.odometry.visual.loss.scale, 3.0);
   const std::string all = run_config_text(reading.config, names);
   EXPECT_NE(all.find("loss: saturating:3\n"), std::string::npos);
-  EXPECT_NE(all.find("\nsmoothing:\n  # Share of the news that is believed.\n  gain: 0.5\n"), std::string::npos) << all;
+  EXPECT_NE(all.find("\nsmoothing:\n  # Share of the news that is believed. 0 to 1.\n  gain: 0.5\n"), std::string::npos)
+      << all;
   EXPECT_EQ(run_config_text(parse_run_config(all, "printed", names).config, names), all);
 }
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "oriel/window/constant_velocity_provider.h"
 #include "oriel/window/imu_provider.h"
 #include "oriel/window/pose_recorder.h"
 #include "window/simulated_flight.h"
@@ -114,6 +115,61 @@ TEST(AssembledWindow, TakesMotionsAndPositions) {
   const State& newest = *states.timeline((*window)->body()).latest();
   EXPECT_NEAR((*window)->window().graph().value(VariableId<Pose3d>{newest.variables[0].key}).t[0], 29.0, 0.15);
   EXPECT_EQ(states.timeline((*window)->body()).size(), 10u);
+}
+
+// A provider, a hook and a policy of one's own, in a copy of the tables.
+struct CountingHook final : InsertionHook {
+  explicit CountingHook(int* groups) : groups_(groups) {}
+  std::string_view name() const override { return "counting"; }
+  Verdict inserted(const Graph&, const States&, const InsertedGroup&, GraphEdit&) override {
+    return ++*groups_, Verdict{};
+  }
+  int* groups_;
+};
+struct NewestAlone final : WindowPolicy {
+  void choose(const Graph&, const States& states, std::vector<LeavingState>& leaving) override {
+    const auto& line = states.timeline({0});
+    for (std::size_t k = 0; k + 1 < line.size(); ++k) leaving.push_back({{0}, line[k].time});
+  }
+};
+struct ParkedOptions {
+  double drift = 1e-3;
+};
+
+// R9
+TEST(AssembledWindow, TakesAProviderAHookAndAPolicyOfOnesOwn) {
+  WindowParts parts = shipped_parts();
+  static int groups = 0;
+  groups = 0;
+  const auto parked = [](const ParkedOptions& o, WindowAssembly& w) -> Result<void> {
+    w.add(std::make_unique<ConstantVelocityProvider>(ConstantVelocityOptions{.acceleration = o.drift}));
+    return {};
+  };
+  const auto counting = [](const ParkedOptions&, WindowAssembly& w) -> Result<void> {
+    w.add(std::make_unique<CountingHook>(&groups));
+    w.count("groups", [] { return std::int64_t{groups}; });
+    return {};
+  };
+  const auto newest = [](const ParkedOptions&, WindowAssembly& w) -> Result<void> {
+    w.set(std::make_unique<NewestAlone>());
+    return {};
+  };
+  ASSERT_TRUE(parts.providers.add("parked", window_part<ParkedOptions>("Stands still.", {}, parked)));
+  ASSERT_TRUE(parts.hooks.add("counting", window_part<ParkedOptions>("Counts.", {}, counting)));
+  ASSERT_TRUE(parts.policies.add("newest", window_part<ParkedOptions>("One state.", {}, newest)));
+  WindowPlan plan;
+  plan.providers = {choice(parts.providers, "parked")};
+  plan.builders = {choice(parts.builders, "gnss")};
+  plan.hooks = {choice(parts.hooks, "counting")};
+  plan.policy = choice(parts.policies, "newest");
+  const auto window = AssembledWindow::make(plan, parts, {.has_positions = true});
+  ASSERT_TRUE(window) << window.error();
+  for (int k = 0; k < 5; ++k) {
+    (*window)->add(MeasuredPosition{{k * 1'000'000'000LL}, Vec3d::zero(), 0.1});
+    EXPECT_EQ((*window)->update().status, WindowUpdate::Status::updated);
+  }
+  EXPECT_EQ((*window)->window().states().timeline((*window)->body()).size(), 1u);
+  EXPECT_EQ((*window)->counts(), (std::vector<std::pair<std::string, std::int64_t>>{{"groups", 5}}));
 }
 
 // R9: in words, with the part's own line.

@@ -87,6 +87,18 @@ struct Print {
   std::string operator()(const Reference& r) const { return r.at(options).empty() ? "''" : r.at(options); }
 };
 
+// Where it says more than that a number is positive.
+std::string range_of(const setting::Kind& kind) {
+  constexpr double kTiny = 1e-12, kHuge = 1e12;
+  if (const auto* r = std::get_if<Real>(&kind); r != nullptr && (r->least != kTiny || r->greatest != kHuge))
+    return " " + number(r->least) + " to " + number(r->greatest) + ".";
+  if (const auto* w = std::get_if<Whole>(&kind))
+    return " " + std::to_string(w->least) + " to " + std::to_string(w->greatest) + ".";
+  if (const auto* c = std::get_if<Count>(&kind); c != nullptr && c->greatest != Count::kMost)
+    return " 0 to " + std::to_string(c->greatest) + ".";
+  return {};
+}
+
 }  // namespace
 
 std::string set_setting(const setting::Kind& kind, void* options, const std::string& text,
@@ -99,7 +111,7 @@ std::string setting_text(const setting::Kind& kind, void* options, const NameTab
 }
 
 std::string setting_comment(const setting::Kind& kind, const std::string& unit, const std::string& sentence) {
-  std::string out = sentence;
+  std::string out = sentence + range_of(kind);
   if (const auto* word = std::get_if<Word>(&kind)) out += " " + word->list() + ".";
   if (const auto* choice = std::get_if<Choice>(&kind)) {
     std::string list;
