@@ -101,6 +101,26 @@ TEST(TrackBuilder, LeavesNoLandmarkBehindThatNothingSees) {
   }
 }
 
+// W13: states that give way take sightings with them. A point that is left with one of one camera has no depth; it goes
+// with the next slide, and solves do not carry it along.
+TEST(TrackBuilder, LeavesNoPointBehindThatOneCameraSawOnce) {
+  const Walk walk(40, 0.5, 2);
+  TrackRun run(walk, LandmarkPolicy::close, of_kind(LandmarkKind::point));
+  KeyframeRules rules;
+  rules.parallax = 0.15, rules.least_shared = 0.3, rules.max_keyframes = 4;
+  run.window.set(std::make_unique<KeyframePolicy>(
+      run.poses, [&run](const Graph& g, const States& s, Time a, Time b) { return run.tracks->overlap(g, s, a, b); },
+      rules));
+  std::size_t undetermined = 0, removed = 0;
+  for (int k = 0; k < 40; ++k) {
+    const WindowUpdate& update = run.step(walk, k);
+    undetermined += update.solve.undetermined.size();
+    removed += static_cast<std::size_t>(update.states_removed);
+  }
+  EXPECT_GT(removed, 10u);
+  EXPECT_LE(undetermined, 40u) << "without that: 155";
+}
+
 // W9
 TEST(TrackBuilder, TakesGrossErrorsOutBeforeTheyEnterThePrior) {
   Walk walk(25, 0.3, 1);

@@ -197,21 +197,32 @@ void TrackBuilder::before_slide(const Graph& graph, const States& states, std::s
   }
 }
 
-// Sightings that are too far off leave, and landmarks that are left without support, or lie where none can be.
+// A prior or somebody else's factor knows its landmark besides its sightings.
+bool TrackBuilder::has_other_factors(const Graph& graph, const Track& track) const {
+  std::size_t factors = 0, sightings = 0;
+  graph.for_each_factor(key_of(track), [&](std::uint32_t, std::uint32_t) { ++factors; });
+  for (const Sighting& s : track.sightings) sightings += s.in_graph && graph.contains(s.factor) ? 1 : 0;
+  return factors > sightings;
+}
+
+// Sightings that are too far off leave, and landmarks that are left without support, or lie where none can be. One
+// camera's only sighting leaves a point's depth open, and says nothing of the pose.
 void TrackBuilder::gate(const Graph& graph, const States& states, Track& track, GraphEdit& edit) {
   const Pose3d* first = pose_at(graph, states, poses_, track.sightings.front().time);
   if (first == nullptr) return;
   const Vec3d p = position(graph, states, track);
   const double depth = geometry_.depth(*first, p);
   bool good = depth >= options_.limits.least_depth && depth <= 10.0 * options_.limits.greatest_depth;
-  int left = 0;
+  const bool points = options_.landmarks == LandmarkKind::point;
+  int left = 0, rays = 0;
   for (std::size_t k = 0; good && k < track.sightings.size(); ++k) {
     Sighting& s = track.sightings[k];
     const Pose3d* pose = s.in_graph ? pose_at(graph, states, poses_, s.time) : nullptr;
     if (pose == nullptr) continue;
-    const bool anchor = k == 0 && options_.landmarks == LandmarkKind::inverse_depth;
+    const bool anchor = k == 0 && !points;
     if (geometry_.error(*pose, s, p) <= options_.gate) {
       left += anchor && !s.has_right ? 0 : 1;
+      rays += s.has_right ? 2 : 1;
     } else if (anchor) {
       good = false;  // all others are measured against it
     } else if (graph.contains(s.factor)) {
@@ -219,7 +230,7 @@ void TrackBuilder::gate(const Graph& graph, const States& states, Track& track, 
       ++counts_.gated;
     }
   }
-  if (good && left > 0) return;
+  if (good && left > 0 && (!points || rays > 1 || has_other_factors(graph, track))) return;
   edit.remove(key_of(track));
   begin_anew(track);
 }

@@ -96,6 +96,7 @@ class TrackBuilder final : public FactorBuilder {
   bool has_state(const States& states, Time time) const;
   bool only_removed(const States& states, const Track& track) const;
   void gate(const Graph& graph, const States& states, Track& track, GraphEdit& edit);
+  bool has_other_factors(const Graph& graph, const Track& track) const;
   // What was handed over is used up; the track goes on without a landmark.
   void begin_anew(Track& track);
   void retire(const Track& track);
