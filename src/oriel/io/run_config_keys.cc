@@ -17,8 +17,6 @@ const Word kLandmarkPolicies("keep close drop",
                              [](RunConfig& c) -> LandmarkPolicy& { return c.window.window.marginalize.landmarks; });
 
 const ConfigKey kKeys[] = {
-    {"", "defer", Flag{[](RunConfig& c) -> bool& { return c.defer; }}, "-",
-     "A solve goes on while the caller does, and the next update merges it; of windows, by the engine native."},
     {"", "time_limit", Seconds{[](RunConfig& c) -> Duration& { return c.time_limit; }, true}, "s",
      "A job that takes longer is given up; 0: none."},
     {"", "memory_limit", Count{[](RunConfig& c) -> std::uint64_t& { return c.memory_limit_mb; }}, "MB",
@@ -204,7 +202,7 @@ std::vector<ConfigKey> run_config_keys(const RunNames& names) {
        "Where it is solved: in place, in a thread, in a child process.", true},
       {"", "engine", Choice{names.engines.list(), member<&RunConfig::engine>}, "-", "What solves it."},
       {"", "defer", Flag{[](RunConfig& c) -> bool& { return c.defer; }}, "-",
-       "A solve goes on while the caller does, and the next update merges it; by the engine native."}};
+       "A solve goes on while the caller does, and the next update merges it; of windows, by the engine native."}};
   keys.insert(keys.end(), std::begin(kKeys), std::end(kKeys));
   return keys;
 }
