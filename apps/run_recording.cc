@@ -139,6 +139,8 @@ class Run {
     if (last_.without_imu.ns > 0 && last_.status == Status::tracking)
       warn(fmt::format("frame {}: no IMU samples for {:.2f} s before it; carried on by the cameras", frame.number,
                        last_.without_imu.seconds()));
+    if (last_.solved && last_.solved->failure[0] != '\0')
+      warn(fmt::format("the frame before frame {}: {}", frame.number, last_.solved->failure));
     if (last_.reset[0] != '\0') warn(fmt::format("frame {}: the window began anew: {}", frame.number, last_.reset));
     if (last_.status == Status::failed || (last_.status == Status::initialising && frames_after_ > 0))
       warn(fmt::format("frame {}: {}", frame.number, last_.reason));
