@@ -10,6 +10,7 @@
 
 #include "oriel/base/slot_map.h"
 #include "oriel/linear/dense_kernels.h"
+#include "oriel/linear/resize.h"
 
 namespace oriel {
 namespace {
@@ -111,7 +112,7 @@ void Multifrontal::follow(const BlockPattern& pattern, const FactorOptions& opti
 // Every value of a vector is written before it is read.
 void Multifrontal::prepare_vectors() {
   const auto total = static_cast<std::size_t>(symbolic_.total_dim());
-  diagonal_.resize(total), threshold_.resize(total), inverse_diagonal_.resize(total), vector_.resize(total);
+  for (std::vector<double>* v : {&diagonal_, &threshold_, &inverse_diagonal_, &vector_}) resize_with_room(*v, total);
   report_ = {};
 }
 

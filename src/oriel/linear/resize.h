@@ -13,4 +13,10 @@ void resize_with_room(std::vector<T>& v, std::size_t n) {
   v.resize(n);
 }
 
+// The same room for what was appended one by one.
+template <class T>
+void keep_room(std::vector<T>& v) {
+  if (v.capacity() < v.size() + v.size() / 8) v.reserve(v.size() + v.size() / 8);
+}
+
 }  // namespace oriel

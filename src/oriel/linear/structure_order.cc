@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "oriel/linear/resize.h"
 #include "oriel/linear/structure.h"
 
 namespace oriel {
@@ -150,6 +151,8 @@ void LinearStructure::note_order(EliminationOrder& order) {
   if (!f.follows) f.order.serials.clear();
   for (std::size_t k = f.order.serials.size(); k < order_.size(); ++k)
     f.order.serials.push_back(f.serials[static_cast<std::size_t>(order_[k])]);
+  keep_room(f.order.serials);
+  order.serials.reserve(f.order.serials.capacity());
   order.serials = f.order.serials;
   f.order.method = order.method, f.order.flops = order.flops;
   f.order.made = order.made, f.order.made_of = order.made_of, f.order.drift = order.drift;

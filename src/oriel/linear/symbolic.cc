@@ -37,6 +37,10 @@ void Symbolic::analyze(const BlockPattern& pattern, std::span<const int> order) 
   place_matrix(pattern);
   make_runs();
   make_spans();
+  keep_room(fronts_), keep_room(pivots_), keep_room(runs_), keep_room(matrix_runs_), keep_room(spans_);
+  keep_room(children_), keep_room(sequence_), keep_room(nodes_), keep_room(supers_), keep_room(super_rows_);
+  old_sequence_.reserve(sequence_.capacity());
+  is_marked_.reserve(dims_.capacity());
   analyzed_ = {children_.size(), runs_.size(), matrix_runs_.size(), column_rows_.size()};
 }
 
