@@ -2,9 +2,12 @@
 
 #include <limits>
 
+#include "apps/engine_choice.h"
 #include "oriel/base/percentile.h"
 #include "oriel/evaluate/associate.h"
 #include "oriel/evaluate/ate.h"
+#include "oriel/run/beside_engine.h"
+#include "oriel/run/window_solver.h"
 
 namespace oriel::apps {
 namespace {
@@ -31,6 +34,25 @@ void features_of(const Recording& recording, const RecordedFrame& frame, std::ve
   out.clear();
   for (const RecordedObservation& o : recording.observations_of(frame))
     out.push_back({o.track_id, {{o.u0, o.v0}}, {{o.u1, o.v1}}, o.has_right});
+}
+
+Result<void> place_solves(WindowCore& core, const SolvePlace& place, const ExecutorOptions& worker) {
+  const bool beside = place.executor != ExecutorKind::in_place;
+  if (place.engine != "native" && (beside || place.defer))
+    return Error{
+        ErrorCode::bad_input,
+        "expected the engine native where the executor is not inline or solves are deferred, found " + place.engine};
+  if (place.defer) {
+    auto solver = WindowSolver::make(core.followed(), place.executor, worker);
+    if (!solver) return solver.error();
+    return core.defer_to(std::move(*solver));
+  }
+  if (beside) {
+    auto engine = BesideEngine::make(core.followed(), place.executor, worker);
+    if (!engine) return engine.error();
+    return core.use(std::move(*engine));
+  }
+  return place.engine == "native" ? Result<void>{} : core.use(make_engine(place.engine, core.followed()));
 }
 
 void judge(const Recording& recording, const Trajectory& causal, const Trajectory& final, RunReport& report) {

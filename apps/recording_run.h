@@ -7,6 +7,7 @@
 #include "oriel/sensor/feature_track.h"
 #include "oriel/sensor/preintegration.h"
 #include "oriel/window/trajectory.h"
+#include "oriel/window/window_core.h"
 
 namespace oriel::apps {
 
@@ -28,6 +29,14 @@ void feed_imu(const Recording& recording, Time until, std::size_t& next, Take&& 
     if (s.time >= until) break;
   }
 }
+
+// Where a window's solves run, and whether its updates wait for them. An Error where the engine cannot be there.
+struct SolvePlace {
+  std::string engine = "native";
+  ExecutorKind executor = ExecutorKind::in_place;
+  bool defer = false;
+};
+Result<void> place_solves(WindowCore& core, const SolvePlace& place, const ExecutorOptions& worker);
 
 // Trajectories and their errors against the truth, if there is one.
 void judge(const Recording& recording, const Trajectory& causal, const Trajectory& final, RunReport& report);

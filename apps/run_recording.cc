@@ -9,13 +9,10 @@
 #include <memory>
 
 #include "apps/command.h"
-#include "apps/engine_choice.h"
 #include "apps/front_end.h"
 #include "apps/recording_rig.h"
 #include "apps/recording_run.h"
 #include "oriel/io/journal.h"
-#include "oriel/run/beside_engine.h"
-#include "oriel/run/window_solver.h"
 #include "oriel/testing/allocation_counter.h"
 #include "oriel/window/inertial_odometry.h"
 
@@ -72,30 +69,15 @@ class Run {
 
  private:
   Result<void> choose_engine() {
-    const bool beside = options_.executor != ExecutorKind::in_place;
-    if (options_.defer) return defer();
-    if (options_.engine == "native" && !beside) return {};
-    if (!options_.journal.empty())
+    const SolvePlace place{options_.engine, options_.executor, options_.defer};
+    if (!options_.journal.empty() && place.defer)
+      return Error{ErrorCode::bad_input, "--journal: expected solves that are waited for, found --defer (key `defer`)"};
+    if (!options_.journal.empty() && (place.engine != "native" || place.executor != ExecutorKind::in_place))
       return Error{ErrorCode::bad_input,
                    "--journal: expected --engine native and --executor inline, whose solves can be replayed"};
-    if (beside && options_.engine != "native")
-      return Error{ErrorCode::bad_input, "--executor: expected --engine native where it is not inline"};
-    if (beside) {
-      auto engine = BesideEngine::make(odometry_.window().followed(), options_.executor, options_.worker);
-      if (!engine) return engine.error();
-      return odometry_.window().use(std::move(*engine));
-    }
-    return odometry_.window().use(make_engine(options_.engine, odometry_.window().followed()));
-  }
-
-  Result<void> defer() {
-    if (!options_.journal.empty())
-      return Error{ErrorCode::bad_input, "--journal: expected solves that are waited for, found --defer (key `defer`)"};
-    if (options_.engine != "native")
-      return Error{ErrorCode::bad_input, "--defer: expected the engine native, found " + options_.engine};
-    auto solver = WindowSolver::make(odometry_.window().followed(), options_.executor, options_.worker);
-    if (!solver) return solver.error();
-    return odometry_.window().defer_to(std::move(*solver));
+    if (place.defer && place.engine != "native")
+      return Error{ErrorCode::bad_input, "--defer: expected the engine native, found " + place.engine};
+    return place_solves(odometry_.window(), place, options_.worker);
   }
 
   Result<void> open_journal() {

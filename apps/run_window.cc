@@ -9,11 +9,8 @@
 #include <memory>
 
 #include "apps/command.h"
-#include "apps/engine_choice.h"
 #include "apps/recording_rig.h"
 #include "apps/recording_run.h"
-#include "oriel/run/beside_engine.h"
-#include "oriel/run/window_solver.h"
 #include "oriel/testing/allocation_counter.h"
 #include "oriel/window/pose_recorder.h"
 
@@ -30,26 +27,6 @@ SensorSuite sensors_of(const Recording& recording) {
   sensors.cameras = static_cast<int>(recording.cameras.size());
   sensors.rig = rig_of(recording);
   return sensors;
-}
-
-// Where its solves run.
-Result<void> place_solves(WindowCore& core, const RunConfig& config, const ExecutorOptions& worker) {
-  const bool beside = config.executor != ExecutorKind::in_place;
-  if (config.engine != "native" && (beside || config.defer))
-    return Error{
-        ErrorCode::bad_input,
-        "expected the engine native where the executor is not inline or solves are deferred, found " + config.engine};
-  if (config.defer) {
-    auto solver = WindowSolver::make(core.followed(), config.executor, worker);
-    if (!solver) return solver.error();
-    return core.defer_to(std::move(*solver));
-  }
-  if (beside) {
-    auto engine = BesideEngine::make(core.followed(), config.executor, worker);
-    if (!engine) return engine.error();
-    return core.use(std::move(*engine));
-  }
-  return config.engine == "native" ? Result<void>{} : core.use(make_engine(config.engine, core.followed()));
 }
 
 // Drives a window through a recording and keeps the books.
@@ -181,7 +158,8 @@ Result<RunReport> run_window(const Recording& recording, const RunConfig& config
     return Error{ErrorCode::bad_input, "expected a recording with frames", recording.name, 0};
   auto window = AssembledWindow::make(config.window, names, sensors_of(recording));
   if (!window) return window.error();
-  if (auto ok = place_solves((*window)->window().core(), config, worker); !ok) return ok.error();
+  if (auto ok = place_solves((*window)->window().core(), {config.engine, config.executor, config.defer}, worker); !ok)
+    return ok.error();
   return WindowRun(recording, **window, progress)();
 }
 

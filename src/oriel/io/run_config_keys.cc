@@ -5,8 +5,6 @@
 namespace oriel::io_detail {
 namespace {
 
-constexpr double kTiny = 1e-12, kHuge = 1e12;
-
 using namespace setting;
 
 const Word kLandmarks(landmark_models(), [](RunConfig& c) -> LandmarkModel& { return c.odometry.visual.landmarks; });

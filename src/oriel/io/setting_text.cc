@@ -89,7 +89,7 @@ struct Print {
 
 // Where it says more than that a number is positive.
 std::string range_of(const setting::Kind& kind) {
-  constexpr double kTiny = 1e-12, kHuge = 1e12;
+  using setting::kTiny, setting::kHuge;
   if (const auto* r = std::get_if<Real>(&kind); r != nullptr && (r->least != kTiny || r->greatest != kHuge))
     return " " + number(r->least) + " to " + number(r->greatest) + ".";
   if (const auto* w = std::get_if<Whole>(&kind))

@@ -41,6 +41,8 @@ void LinearStructure::order_types(const Graph& graph) {
   for (std::size_t p = 0; p < pools.size(); ++p) pool_order_[p] = static_cast<std::uint32_t>(p);
   std::sort(pool_order_.begin(), pool_order_.end(),
             [&](auto a, auto b) { return pools[a]->ops().name < pools[b]->ops().name; });
+  has_landmark_types_ =
+      std::any_of(pools.begin(), pools.end(), [](const auto& p) { return p->ops().landmark && p->slots().size() > 0; });
   const auto& tables = graph.tables();
   table_order_.clear();
   for (std::uint32_t t = 0; t < tables.size(); ++t)
@@ -56,7 +58,6 @@ void LinearStructure::number_variables(const Graph& graph) {
   const auto& pools = graph.pools();
   targets_.resize(pools.size());
   offsets_.resize(pools.size());
-  has_landmark_types_ = false;
   for (std::size_t p = 0; p < pools.size(); ++p) {
     const VariablePool& pool = *pools[p];
     const std::uint32_t from = followed_.pool_cut[p];
@@ -64,7 +65,6 @@ void LinearStructure::number_variables(const Graph& graph) {
     offsets_[p].resize(from), resize_with_room(offsets_[p], pool.extent());
     std::fill(offsets_[p].begin() + from, offsets_[p].end(), -1);
     if (pool.ops().dim == 0) continue;
-    has_landmark_types_ = has_landmark_types_ || (pool.ops().landmark && pool.slots().size() > 0);
     for (std::uint32_t d = from; d < pool.extent(); ++d)
       if (pool.slots().is_live(d) && !pool.fixed(d))
         targets_[p][d].kind = pool.ops().landmark ? Target::Kind::landmark : Target::Kind::kept;

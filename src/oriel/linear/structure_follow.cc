@@ -25,9 +25,7 @@ bool differ(const Target* x, const Target* y, std::size_t n) {
 // was (SlotIndex::changes).
 bool LinearStructure::may_cut(const Graph& graph) const {
   const FollowedStructure& f = followed_;
-  if (!f.same_tables || f.seen_pools.size() != graph.pools().size()) return false;
-  return std::none_of(graph.pools().begin(), graph.pools().end(),
-                      [](const auto& pool) { return pool->ops().landmark && pool->slots().size() > 0; });
+  return f.same_tables && f.seen_pools.size() == graph.pools().size() && !has_landmark_types_;
 }
 
 void LinearStructure::find_cuts(const Graph& graph) {

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "oriel/base/check.h"
 #include "oriel/base/result.h"
 
 namespace oriel {
@@ -59,5 +60,11 @@ class NameTable {
   std::string what_;
   std::vector<std::pair<std::string, T>> items_;
 };
+
+// To a table that the library fills: two of one name are an error of its own.
+template <class T>
+void add_shipped(NameTable<T>& table, const char* name, T value) {
+  check(table.add(name, std::move(value)).ok(), "two shipped names are alike");
+}
 
 }  // namespace oriel

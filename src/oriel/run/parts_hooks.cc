@@ -13,12 +13,6 @@ namespace {
 
 using namespace setting;
 
-constexpr double kTiny = 1e-12, kHuge = 1e12;
-
-void add(NameTable<WindowPart>& table, const char* name, WindowPart part) {
-  check(table.add(name, std::move(part)).ok(), "two shipped parts have one name");
-}
-
 // ---- hooks ----
 
 struct GatePart {
@@ -192,24 +186,24 @@ WindowPart lag_part() {
 
 NameTable<WindowPart> shipped_hooks() {
   NameTable<WindowPart> table("hook");
-  add(table, "refine", refine_part());
-  add(table, "mahalanobis_gate", gate_part());
-  add(table, "gap_reset",
-      window_part<GapPart>("Two states further apart than that: the window begins anew.",
-                           {{"states", Reference{Reference::To::provider, member<&GapPart::states>}, "-",
-                             "The provider; empty: the first."},
-                            {"longest", Seconds{member<&GapPart::longest>}, "s", "Gap that can be bridged."}},
-                           make_gap_reset));
-  add(table, "cheirality",
-      window_part<CheiralityPart>("Takes out sightings of what lies behind the camera.", {}, make_cheirality));
-  add(table, "standstill", standstill_part());
+  add_shipped(table, "refine", refine_part());
+  add_shipped(table, "mahalanobis_gate", gate_part());
+  add_shipped(table, "gap_reset",
+              window_part<GapPart>("Two states further apart than that: the window begins anew.",
+                                   {{"states", Reference{Reference::To::provider, member<&GapPart::states>}, "-",
+                                     "The provider; empty: the first."},
+                                    {"longest", Seconds{member<&GapPart::longest>}, "s", "Gap that can be bridged."}},
+                                   make_gap_reset));
+  add_shipped(table, "cheirality",
+              window_part<CheiralityPart>("Takes out sightings of what lies behind the camera.", {}, make_cheirality));
+  add_shipped(table, "standstill", standstill_part());
   return table;
 }
 
 NameTable<WindowPart> shipped_policies() {
   NameTable<WindowPart> table("policy");
-  add(table, "keyframes", keyframes_part());
-  add(table, "lag", lag_part());
+  add_shipped(table, "keyframes", keyframes_part());
+  add_shipped(table, "lag", lag_part());
   return table;
 }
 

@@ -14,12 +14,6 @@ namespace {
 
 using namespace setting;
 
-constexpr double kTiny = 1e-12, kHuge = 1e12;
-
-void add(NameTable<WindowPart>& table, const char* name, WindowPart part) {
-  check(table.add(name, std::move(part)).ok(), "two shipped parts have one name");
-}
-
 // ---- providers ----
 
 struct ImuPart {
@@ -242,35 +236,36 @@ Result<void> make_gnss(const GnssPart& o, WindowAssembly& window) {
 
 NameTable<WindowPart> shipped_providers() {
   NameTable<WindowPart> table("provider");
-  add(table, "imu",
-      window_part<ImuPart>("Poses, velocities and biases, linked by preintegrated IMU samples.", imu_settings(),
-                           make_imu));
+  add_shipped(table, "imu",
+              window_part<ImuPart>("Poses, velocities and biases, linked by preintegrated IMU samples.", imu_settings(),
+                                   make_imu));
   using V = ConstantVelocityOptions;
-  add(table, "constant_velocity",
-      window_part<V>(
-          "Poses and velocities, linked by motion that is nearly even.",
-          {{"acceleration", Real{member<&V::acceleration>, kTiny, kHuge}, "m/s2/sqrt(Hz)",
-            "Density of the white noise on the acceleration."},
-           {"rotation", Real{member<&V::rotation>, kTiny, kHuge}, "rad/s/sqrt(Hz)",
-            "Density of the white noise on the angular velocity."},
-           {"longest", Seconds{member<&V::longest>}, "s", "Between two states; what is further off cannot be had."}},
-          make_constant_velocity));
-  add(table, "odometry",
-      window_part<OdometryPart>("Poses, linked by measured motions.",
-                                {{"first_sigma", Real{member<&OdometryPart::first_sigma>, kTiny, kHuge}, "rad, m",
-                                  "Of the first pose, which is the origin."}},
-                                make_odometry));
+  add_shipped(table, "constant_velocity",
+              window_part<V>("Poses and velocities, linked by motion that is nearly even.",
+                             {{"acceleration", Real{member<&V::acceleration>, kTiny, kHuge}, "m/s2/sqrt(Hz)",
+                               "Density of the white noise on the acceleration."},
+                              {"rotation", Real{member<&V::rotation>, kTiny, kHuge}, "rad/s/sqrt(Hz)",
+                               "Density of the white noise on the angular velocity."},
+                              {"longest", Seconds{member<&V::longest>}, "s",
+                               "Between two states; what is further off cannot be had."}},
+                             make_constant_velocity));
+  add_shipped(table, "odometry",
+              window_part<OdometryPart>("Poses, linked by measured motions.",
+                                        {{"first_sigma", Real{member<&OdometryPart::first_sigma>, kTiny, kHuge},
+                                          "rad, m", "Of the first pose, which is the origin."}},
+                                        make_odometry));
   return table;
 }
 
 NameTable<WindowPart> shipped_builders() {
   NameTable<WindowPart> table("builder");
-  add(table, "tracks",
-      window_part<TrackPart>("Landmarks and a reprojection for each sighting.", track_settings(), make_tracks));
-  add(table, "structureless",
-      window_part<StructurelessPart>("A factor for each track, its point projected out.", structureless_settings(),
-                                     make_structureless));
-  add(table, "gnss",
+  add_shipped(table, "tracks",
+              window_part<TrackPart>("Landmarks and a reprojection for each sighting.", track_settings(), make_tracks));
+  add_shipped(table, "structureless",
+              window_part<StructurelessPart>("A factor for each track, its point projected out.",
+                                             structureless_settings(), make_structureless));
+  add_shipped(
+      table, "gnss",
       window_part<GnssPart>("Positions of an antenna in the world.",
                             {{"states", Reference{Reference::To::provider, member<&GnssPart::states>}, "-",
                               "The provider of the body's poses; empty: the first."},

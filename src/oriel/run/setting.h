@@ -42,6 +42,9 @@ using OptionsOf = decltype(options_of(&F::operator()));
 
 namespace setting {
 
+// Bounds of what only has to be positive.
+inline constexpr double kTiny = 1e-12, kHuge = 1e12;
+
 // Where a setting is: member<&Options::sigma>, or member<&Options::limits, &Limits::least_depth>.
 template <auto First, auto... Rest>
 inline constexpr auto member = [
