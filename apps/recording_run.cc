@@ -43,12 +43,12 @@ Result<void> place_solves(WindowCore& core, const SolvePlace& place, const Execu
         ErrorCode::bad_input,
         "expected the engine native where the executor is not inline or solves are deferred, found " + place.engine};
   if (place.defer) {
-    auto solver = WindowSolver::make(core.followed(), place.executor, worker);
+    auto solver = WindowSolver::make(core.followed(), place.executor, worker, worker.retries);
     if (!solver) return solver.error();
     return core.defer_to(std::move(*solver));
   }
   if (beside) {
-    auto engine = BesideEngine::make(core.followed(), place.executor, worker);
+    auto engine = BesideEngine::make(core.followed(), place.executor, worker, worker.retries);
     if (!engine) return engine.error();
     return core.use(std::move(*engine));
   }

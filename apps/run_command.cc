@@ -56,9 +56,7 @@ Result<int> run_and_report(const RunConfig& config, const RunArguments& a) {
   options.executor = config.executor;
   options.defer = config.defer;
   options.front_end_ms = a.front_end_ms;
-  options.worker.zygote = zygote ? &*zygote : nullptr;
-  options.worker.time_limit = config.time_limit;
-  options.worker.limits.memory_bytes = config.memory_limit_mb * 1'000'000;
+  options.worker = worker_options(config, zygote ? &*zygote : nullptr);
   options.journal = a.journal;
   options.progress = ::isatty(STDERR_FILENO) == 1;
   const bool general = config.task == "sliding_window";

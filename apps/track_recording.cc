@@ -24,7 +24,6 @@ namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr Duration kMaxStampDifference{10'000'000};  // of an estimate and its truth [ns]
-constexpr int kRetries = 3;                          // of a job whose worker died
 
 std::vector<TumPose> poses_of(const MapFrames& frames) {
   std::vector<TumPose> out;
@@ -67,11 +66,7 @@ Result<TrackReport> track_recording(const Recording& recording, const RunConfig&
                                     bool progress) {
   if (recording.cameras.size() != 2 || recording.frames.empty())
     return Error{ErrorCode::bad_input, "expected a recording with two cameras and frames", recording.name};
-  ExecutorOptions worker;
-  worker.zygote = zygote;
-  worker.time_limit = config.time_limit;
-  worker.limits.memory_bytes = config.memory_limit_mb * 1'000'000;
-  worker.retries = kRetries;
+  const ExecutorOptions worker = worker_options(config, zygote);
   const std::array<Vec2d, 2> sigma = {recording.cameras[0].pixel_sigma, recording.cameras[1].pixel_sigma};
   auto odometry = TwoFrameOdometry::start(config.executor, rig_of(recording), config.two_frame, worker, sigma);
   if (!odometry) return odometry.error();

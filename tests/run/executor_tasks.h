@@ -14,7 +14,18 @@
 namespace oriel::testing_run {
 
 // What a job is to do beside its work.
-enum class Mishap { none, throws, fails, segfaults, allocates, stops, sleeps, exits, spins };
+enum class Mishap {
+  none,
+  throws,
+  fails,
+  segfaults,
+  allocates,
+  allocates_where_nothing_throws,
+  stops,
+  sleeps,
+  exits,
+  spins
+};
 
 struct World {
   std::vector<double> values;
@@ -73,6 +84,10 @@ struct Sums {
   }
 
  private:
+  [[noreturn]] static void allocate() {
+    std::vector<std::vector<char>> all;
+    for (;;) all.emplace_back(64u << 20);
+  }
   static void cause(const Input& in) {
     switch (in.mishap) {
       case Mishap::none:
@@ -83,10 +98,11 @@ struct Sums {
       case Mishap::segfaults:
         std::raise(SIGSEGV);
         return;
-      case Mishap::allocates: {
-        std::vector<std::vector<char>> all;
-        for (;;) all.emplace_back(64u << 20);
-      }
+      case Mishap::allocates:
+        allocate();
+      case Mishap::allocates_where_nothing_throws:
+        []() noexcept { allocate(); }();
+        return;
       case Mishap::stops:
         std::raise(SIGSTOP);
         return;

@@ -4,13 +4,13 @@
 
 #include <csignal>
 #include <cstdlib>
-#include <cstring>
 #include <iostream>
 #include <random>
 
 #include "oriel/graph/fingerprint.h"
 #include "oriel/run/window_solver.h"
 #include "oriel/window/inertial_odometry.h"
+#include "run/same_bits.h"
 #include "run/worker_of.h"
 #include "window/simulated_flight.h"
 
@@ -18,19 +18,6 @@ namespace oriel {
 namespace {
 
 using Status = UpdateReport::Status;
-
-bool same_bits(const Pose3d& a, const Pose3d& b) { return std::memcmp(&a, &b, sizeof(Pose3d)) == 0; }
-bool same_bits(const InertialValues& a, const InertialValues& b) {
-  return same_bits(a.T_world_body, b.T_world_body) && a.velocity.v == b.velocity.v && a.bias.gyro == b.bias.gyro &&
-         a.bias.accel == b.bias.accel;
-}
-bool same_bits(const Trajectory& a, const Trajectory& b) {
-  if (a.poses().size() != b.poses().size()) return false;
-  for (std::size_t i = 0; i < a.poses().size(); ++i)
-    if (a.poses()[i].time != b.poses()[i].time || !same_bits(a.poses()[i].T_world_body, b.poses()[i].T_world_body))
-      return false;
-  return true;
-}
 
 // What it is told, and when; solves where it is finished, so that all memory that is asked for is the odometry's.
 class Script final : public DeferredSolver {

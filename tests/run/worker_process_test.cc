@@ -1,6 +1,5 @@
 // Jobs in a child process that dies, hangs, or takes too much (R6, R7). ORIEL_KILLS says how many accidents the long
 // form makes.
-#include <dirent.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -10,10 +9,10 @@
 #include <iostream>
 #include <map>
 #include <random>
-#include <set>
 
 #include "oriel/run/thread_count.h"
 #include "run/executor_tasks.h"
+#include "run/processes.h"
 
 namespace oriel {
 namespace {
@@ -27,23 +26,6 @@ constexpr bool kMayLimitMemory = false;  // shadow memory is larger than any lim
 constexpr bool kMayLimitMemory = true;
 #endif
 
-// Processes whose parent is this one, or the one given.
-std::set<pid_t> children_of(pid_t parent) {
-  std::set<pid_t> out;
-  DIR* processes = ::opendir("/proc");
-  while (const dirent* entry = ::readdir(processes)) {
-    std::ifstream stat(std::string("/proc/") + entry->d_name + "/stat");
-    std::string text;
-    if (!std::getline(stat, text)) continue;
-    const auto at = text.rfind(')');
-    char state = 0;
-    pid_t of = 0;
-    if (std::sscanf(text.c_str() + at + 1, " %c %d", &state, &of) == 2 && of == parent)
-      out.insert(std::atoi(entry->d_name));
-  }
-  ::closedir(processes);
-  return out;
-}
 std::string name_of_process(pid_t pid) {
   std::ifstream comm("/proc/" + std::to_string(pid) + "/comm");
   std::string name;
@@ -51,14 +33,6 @@ std::string name_of_process(pid_t pid) {
   return name;
 }
 bool exists(pid_t pid) { return ::kill(pid, 0) == 0 && !name_of_process(pid).empty(); }
-int descriptor_count() {
-  int n = 0;
-  DIR* fds = ::opendir("/proc/self/fd");
-  while (const dirent* entry = ::readdir(fds)) n += entry->d_name[0] != '.';
-  ::closedir(fds);
-  return n - 1;
-}
-
 class WorkerProcessTest : public ::testing::Test {
  protected:
   template <class T = TravellingSums>
@@ -66,12 +40,7 @@ class WorkerProcessTest : public ::testing::Test {
     options.zygote = &zygote_;
     return std::move(Executor<T>::start(ExecutorKind::process, {2.0, false}, options).value());
   }
-  // A worker that was late is not waited for, but goes.
-  bool all_gone() {
-    for (int i = 0; i < 200 && !children_of(zygote_.pid()).empty(); ++i)
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    return children_of(zygote_.pid()).empty();
-  }
+  bool all_gone() { return goes_childless(zygote_.pid()); }
   pid_t worker() const {
     const auto all = children_of(zygote_.pid());
     return all.size() == 1 ? *all.begin() : -1;
@@ -183,18 +152,59 @@ TEST_F(WorkerProcessTest, SaysWhereAContextThatCannotTravelWasMadeAnew) {
 }
 
 // R6
-TEST_F(WorkerProcessTest, AnswersAnAllocationBeyondTheLimitWithAnErrorAndGoesOn) {
+TEST_F(WorkerProcessTest, AnswersAnAllocationBeyondTheLimitWithAnErrorAndGoesOnWithAnotherProcess) {
   if (!kMayLimitMemory) GTEST_SKIP() << "sanitizers need more memory than a limit allows";
   ExecutorOptions options;
   options.limits.memory_bytes = 1u << 30;
   auto executor = make(options);
+  ASSERT_TRUE(executor.submit({{1.0}}));
+  EXPECT_FALSE(executor.write_back(world_).worker_lost);
+  const pid_t before = world_.worker;
   ASSERT_TRUE(executor.submit({{1.0}, Mishap::allocates}));
   const JobReport report = executor.write_back(world_);
   EXPECT_EQ(report.status, JobStatus::failed) << report;
-  EXPECT_NE(report.message.find("out of memory"), std::string::npos) << report;
+  EXPECT_EQ(report.message, "the task: out of memory");
+  EXPECT_TRUE(report.worker_lost) << "what it had left may be little";
   ASSERT_TRUE(executor.submit({{1.0}}));
-  EXPECT_EQ(executor.write_back(world_).status, JobStatus::done);
-  EXPECT_EQ(world_.jobs, 1);
+  const JobReport next = executor.write_back(world_);
+  EXPECT_EQ(next.status, JobStatus::done);
+  EXPECT_TRUE(next.restarted);
+  EXPECT_FALSE(next.context_anew);
+  EXPECT_NE(world_.worker, before);
+  EXPECT_EQ(world_.jobs, 2) << "the context of the last job that was done";
+}
+
+// R6: where nobody can catch it, as in a solve, which throws nothing.
+TEST_F(WorkerProcessTest, SaysThatAProcessEndedForWantOfMemory) {
+  if (!kMayLimitMemory) GTEST_SKIP() << "sanitizers need more memory than a limit allows";
+  ExecutorOptions options;
+  options.limits.memory_bytes = 1u << 30;
+  auto executor = make(options);
+  ASSERT_TRUE(executor.submit({{1.0}, Mishap::allocates_where_nothing_throws}));
+  const JobReport report = executor.write_back(world_);
+  EXPECT_EQ(report.status, JobStatus::died);
+  EXPECT_EQ(report.message, "a worker of task 'sums' was ended: out of memory");
+}
+
+// R6
+TEST_F(WorkerProcessTest, BeginsALateJobAgainWhereThatIsAsked) {
+  for (const bool again : {false, true}) {
+    ExecutorOptions options;
+    options.time_limit = Duration::from_seconds(0.1);
+    options.retries = 2;
+    options.retry_late = again;
+    auto executor = make(options);
+    const auto begin = Clock::now();
+    ASSERT_TRUE(executor.submit({{1.0}, Mishap::stops}));  // and stops again
+    const JobReport report = executor.write_back(world_);
+    const double took = std::chrono::duration<double>(Clock::now() - begin).count();
+    EXPECT_EQ(report.status, JobStatus::timed_out);
+    EXPECT_TRUE(report.worker_lost);
+    EXPECT_EQ(report.restarted, again);
+    EXPECT_GT(took, again ? 0.3 : 0.1);
+    EXPECT_TRUE(again || took < 0.3) << "nobody waits twice who did not ask for it";
+  }
+  EXPECT_TRUE(all_gone());
 }
 
 TEST_F(WorkerProcessTest, EndsAProcessThatTakesMoreProcessorTimeThanItMay) {

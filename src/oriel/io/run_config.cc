@@ -126,6 +126,17 @@ class Reader {
 
 }  // namespace
 
+ExecutorOptions worker_options(const RunConfig& config, Zygote* zygote) {
+  ExecutorOptions o;
+  o.zygote = zygote;
+  o.time_limit = config.time_limit;
+  o.limits.memory_bytes = config.memory_limit_mb * 1'000'000;
+  o.spin = config.spin;
+  o.retries = config.retries;
+  o.retry_late = config.retry_late;
+  return o;
+}
+
 RunConfig default_run_config(const RunNames& names) {
   RunConfig config;
   config.window = default_plan(names);

@@ -16,6 +16,9 @@ struct RunConfig {
   ExecutorKind executor = ExecutorKind::in_place;
   Duration time_limit{0};             // of a job [ns]; 0: none
   std::uint64_t memory_limit_mb = 0;  // of a worker's process; 0: none
+  Duration spin{0};                   // that a wait for a result looks for it before it sleeps [ns]
+  int retries = 3;                    // of a job whose worker was lost,
+  bool retry_late = false;            // and of one that was not done within time_limit
   bool defer = false;                 // solves go on beside the updates
   OdometryOptions odometry;           // of inertial_odometry
   TwoFrameOptions two_frame;          // of two_frame
@@ -29,6 +32,9 @@ struct RunConfig {
     contract_violated("RunConfig: the task has no options of its own");
   }
 };
+// What it says of workers. `zygote`: null where the executor is no process.
+ExecutorOptions worker_options(const RunConfig& config, Zygote* zygote);
+
 // With the defaults of the tasks that bring settings, and the parts that a window has by default.
 RunConfig default_run_config(const RunNames& names);
 

@@ -1,5 +1,6 @@
 #include "oriel/run/executor.h"
 
+#include <new>
 #include <ostream>
 
 #include "oriel/run/runners.h"
@@ -43,8 +44,6 @@ Error error_of_exception(const char* what) {
   const std::string name = what;
   try {
     throw;
-  } catch (const std::bad_alloc&) {
-    return {ErrorCode::io, name + ": out of memory"};
   } catch (const std::exception& e) {
     return {ErrorCode::bad_input, name + ": " + e.what()};
   } catch (...) {
@@ -55,6 +54,31 @@ Error error_of_exception(const char* what) {
 }  // namespace task_detail
 
 namespace run_detail {
+namespace {
+
+Error no_memory() { return {ErrorCode::io, "the task: out of memory"}; }
+
+}  // namespace
+
+Result<void*> make_context(const TaskOps& task, std::span<const std::byte> config) {
+  try {
+    return task.make_context(config);
+  } catch (const std::bad_alloc&) {
+    return no_memory();
+  }
+}
+
+Result<void> run_job(const TaskOps& task, void* context, std::span<const std::byte> input, Bytes& output,
+                     bool& out_of_memory) {
+  out_of_memory = false;
+  try {
+    return task.optimize(context, input, output);
+  } catch (const std::bad_alloc&) {
+    output = {};
+    out_of_memory = true;
+    return no_memory();
+  }
+}
 
 ExecutorCore::ExecutorCore(ExecutorKind kind, const TaskOps& task, bool coalesce, Owned<JobRunner> runner)
     : kind_(kind), task_(&task), coalesce_(coalesce), runner_(std::move(runner)) {}
@@ -66,13 +90,18 @@ Result<ExecutorCore> ExecutorCore::start(ExecutorKind kind, const TaskOps& task,
                                          const ExecutorOptions& options) {
   if (kind == ExecutorKind::process && options.zygote == nullptr)
     return Error{ErrorCode::bad_input, "executor process: expected a zygote in its options"};
-  if (options.checkpoint_every < 1 || options.retries < 0 || options.time_limit.ns < 0)
-    return Error{ErrorCode::bad_input, "executor: expected checkpoint_every >= 1, retries >= 0 and time_limit >= 0"};
+  if (options.checkpoint_every < 1 || options.retries < 0 || options.time_limit.ns < 0 || options.spin.ns < 0)
+    return Error{ErrorCode::bad_input,
+                 "executor: expected checkpoint_every >= 1, retries >= 0, time_limit >= 0 and spin >= 0"};
   Owned<JobRunner> runner(kind == ExecutorKind::in_place ? make_in_place_runner(task, std::move(config))
                           : kind == ExecutorKind::thread ? make_thread_runner(task, std::move(config), options)
                                                          : make_process_runner(task, std::move(config), options));
   if (auto ok = runner->begin(); !ok) return ok.error();
   return ExecutorCore(kind, task, options.coalesce, std::move(runner));
+}
+
+void ExecutorCore::expect() {
+  if (!terminated_ && state_ == State::idle) runner_->expect();
 }
 
 JobReport ExecutorCore::submit() {

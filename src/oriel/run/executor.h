@@ -34,14 +34,19 @@ struct ExecutorOptions {
   bool coalesce = false;
   // A job that takes longer is given up: a process is ended, the result of a thread is dropped. Not in place. 0: none.
   Duration time_limit{0};
+  // How long whoever waits for a result looks for it before he sleeps: a core that sleeps is some 100 us late. It is
+  // left to others that want it meanwhile.
+  Duration spin{0};
   // ---- of processes ----
   Zygote* zygote = nullptr;  // must outlive the executor
   WorkerLimits limits;
   // How often a context that can travel does: with each so many-th result. A new worker gets the last one and the
   // inputs since.
   int checkpoint_every = 1;
-  // How often a job whose process died is begun again by a new one, before it is given up. Not after a time limit.
+  // How often a job whose process died or ran out of memory is begun again by a new one, before it is given up.
   int retries = 0;
+  // Also one that was late: whoever waits for it then waits for (retries + 1) time limits at most.
+  bool retry_late = false;
 };
 
 namespace run_detail {
@@ -52,6 +57,8 @@ class JobRunner {
   virtual ~JobRunner() = default;
   // Makes the context; the error of init_context.
   virtual Result<void> begin() = 0;
+  // A job comes soon.
+  virtual void expect() = 0;
   // accepted, or died, or busy where one that was given up still runs. The input may be taken.
   virtual JobReport start(JobId job, Bytes& input) = 0;
   virtual bool is_running() = 0;
@@ -69,6 +76,7 @@ class ExecutorCore {
   ExecutorCore& operator=(ExecutorCore&&) noexcept;
   ~ExecutorCore();
 
+  void expect();
   Bytes& input() { return input_; }  // to be encoded into
   JobReport submit();
   bool is_running();
@@ -115,6 +123,8 @@ class Executor {
     return Executor(std::move(*core));
   }
 
+  // A job comes within a millisecond: a worker that sleeps wakes up while its input is collected. Nothing in place.
+  void expect() { core_.expect(); }
   // Hands a copy of the input over. accepted (in place: the job has run), waiting, busy, died or terminated.
   JobReport submit(const Input& input) {
     encode(input, core_.input());

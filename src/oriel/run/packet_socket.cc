@@ -2,11 +2,13 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <sched.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
@@ -144,8 +146,8 @@ Result<void> PacketSocket::send(PacketHead head, std::array<std::span<const std:
     if (!made) return made.error();
     memory = std::move(*made);
     head.in_memory = memory ? kNewMemory : kKeptMemory;
+    answered_ = false;
   }
-  answered_ = false;
   if (passed >= 0) head.flags |= kPassesDescriptor;
 
   static constexpr std::array<std::byte, 16> kPadding{};
@@ -186,11 +188,12 @@ bool PacketSocket::has_news() const {
   return !fd_ || ::poll(&p, 1, 0) != 0;
 }
 
-Result<PacketSocket::Got> PacketSocket::receive(Packet& out, Duration limit) {
+Result<PacketSocket::Got> PacketSocket::receive(Packet& out, Duration limit, Duration spin) {
   out.passed.reset();
   out.parts = {};
   if (!fd_) return Got::gone;
-  const Deadline deadline(limit);
+  const Deadline deadline(limit), spins(limit.ns > 0 ? std::min(limit, spin) : spin);
+  while (spin.ns > 0 && !has_news() && spins.left_ms() > 0) ::sched_yield();
   out.inline_.resize(sizeof(PacketHead) + kMostInline);
   alignas(cmsghdr) std::array<char, CMSG_SPACE(2 * sizeof(int))> control{};
   msghdr message{};

@@ -18,13 +18,19 @@ class ProcessRunner final : public JobRunner {
     restarts_ = -1;
     return start_worker();
   }
+  // Once for each job: those that nobody reads would fill the socket.
+  void expect() override {
+    if (!alive_ || std::exchange(expected_, true)) return;
+    static_cast<void>(socket_.send(head(WorkerPacket::wake)));  // where the worker has gone, start sees it
+  }
   JobReport start(JobId job, Bytes& input) override {
+    expected_ = false;
     job_ = job;
     input_.swap(input);
     retries_ = options_.retries;
     restarted_ = anew_ = false;
     if (alive_ && socket_.has_news()) end_worker();  // nothing was asked of it: it can only have gone
-    if (auto ok = send_job(); !ok) return report(JobStatus::died, ok.error().text());
+    if (auto ok = send_job(); !ok) return lost(JobStatus::died, ok.error().text());
     return {job, JobStatus::accepted};
   }
   // One that has gone or is late is no reason to wait.
@@ -32,8 +38,9 @@ class ProcessRunner final : public JobRunner {
   JobReport finish(Bytes& output) override {
     for (;;) {
       JobReport r = await(output);
-      if (r.status != JobStatus::died || retries_-- <= 0) return r;
-      if (auto ok = send_job(); !ok) return report(JobStatus::died, ok.error().text());
+      const bool again = r.worker_lost && (r.status != JobStatus::timed_out || options_.retry_late);
+      if (!again || retries_-- <= 0) return r;
+      if (auto ok = send_job(); !ok) return lost(JobStatus::died, ok.error().text());
     }
   }
   void terminate() override { end_worker(); }
@@ -49,6 +56,11 @@ class ProcessRunner final : public JobRunner {
   }
   JobReport report(JobStatus status, std::string message = {}) const {
     return {job_, status, std::move(message), restarted_, anew_};
+  }
+  JobReport lost(JobStatus status, std::string message) const {
+    JobReport r = report(status, std::move(message));
+    r.worker_lost = true;
+    return r;
   }
   PacketHead head(WorkerPacket kind, std::int64_t value = 0) const {
     PacketHead h;
@@ -85,7 +97,7 @@ class ProcessRunner final : public JobRunner {
     }
     if (!got || *got != PacketSocket::Got::packet)
       return Error{ErrorCode::io, std::string("a worker of task '") + task_.name + "' " + end_worker()};
-    if (packet_.head.value == 0 || may_fail) return {};
+    if (packet_.head.value == kAnswerDone || may_fail) return {};
     Error e{ErrorCode::bad_input, text_of_answer()};
     end_worker();
     return e;
@@ -106,17 +118,18 @@ class ProcessRunner final : public JobRunner {
   JobReport await(Bytes& output) {
     for (;;) {
       const Duration rest = left();
-      const auto got = rest.ns > 0 ? socket_.receive(packet_, rest.ns == INT64_MAX ? Duration{} : rest) : late_answer();
+      const auto got = rest.ns > 0 ? socket_.receive(packet_, rest.ns == INT64_MAX ? Duration{} : rest, options_.spin)
+                                   : late_answer();
       if (got && *got == PacketSocket::Got::packet) {
         if (packet_.head.job != job_) continue;  // of one that was given up
         return arrived(output);
       }
       if (got && *got == PacketSocket::Got::timeout) {
         drop_worker();
-        return report(JobStatus::timed_out,
-                      "not done after " + std::to_string(options_.time_limit.seconds()) + " s; its process was ended");
+        return lost(JobStatus::timed_out,
+                    "not done after " + std::to_string(options_.time_limit.seconds()) + " s; its process was ended");
       }
-      return report(JobStatus::died, std::string("a worker of task '") + task_.name + "' " + end_worker());
+      return lost(JobStatus::died, std::string("a worker of task '") + task_.name + "' " + end_worker());
     }
   }
   // What arrived in time is not lost because nobody looked.
@@ -124,7 +137,12 @@ class ProcessRunner final : public JobRunner {
     return socket_.has_news() ? socket_.receive(packet_, Duration{1}) : PacketSocket::Got::timeout;
   }
   JobReport arrived(Bytes& output) {
-    const bool done = packet_.head.value == 0;
+    const bool done = packet_.head.value == kAnswerDone;
+    if (packet_.head.value == kAnswerOutOfMemory) {  // what it had left may be little, and its own fault
+      JobReport r = lost(JobStatus::failed, text_of_answer());
+      drop_worker();
+      return r;
+    }
     if (done) {
       output.assign(packet_.parts[0].begin(), packet_.parts[0].end());
       ++jobs_done_;
@@ -158,7 +176,7 @@ class ProcessRunner final : public JobRunner {
   ExecutorOptions options_;
   PacketSocket socket_;
   pid_t pid_ = -1;
-  bool alive_ = false;
+  bool alive_ = false, expected_ = false;
   int restarts_ = -1, retries_ = 0;
   std::uint64_t jobs_done_ = 0;
   bool restarted_ = false, anew_ = false;

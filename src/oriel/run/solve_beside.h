@@ -104,19 +104,21 @@ class SolveBesideWith {
   // For the zygote: Zygote::start({&SolveBeside::kTask}).
   static constexpr const TaskOps& kTask = kTaskOps<SolveTask<Types>>;
 
-  // The graph must outlive it. `tries`: how often a job whose worker died is begun anew before it is given up.
+  // The graph must outlive it. `tries`: how often a job whose worker was lost is begun anew before it is given up;
+  // options.retry_late: also one that was late.
   static Result<SolveBesideWith> start(Graph& graph, ExecutorKind kind, ExecutorOptions options = {}, int tries = 3) {
     options.retries = 0;  // a new worker needs another input
     options.coalesce = false;
     auto executor = Executor<SolveTask<Types>>::start(kind, {}, options);
     if (!executor) return executor.error();
-    return SolveBesideWith(graph, std::move(*executor), tries);
+    return SolveBesideWith(graph, std::move(*executor), tries, options.retry_late);
   }
 
   // No callback, no deadline: they are the owner's affair. busy where a job is in flight.
   JobReport submit(const SolveOptions& options) {
     if (in_flight_) return {0, JobStatus::busy, "a solve is in flight: write it back first"};
     options_ = options;
+    executor_.expect();
     JobReport r = executor_.submit(owner_.collect(options));
     for (int i = 0; i < tries_ && r.status == JobStatus::died; ++i) r = again();
     in_flight_ = r.status == JobStatus::accepted;
@@ -146,10 +148,12 @@ class SolveBesideWith {
   void terminate() { executor_.terminate(); }
 
  private:
-  SolveBesideWith(Graph& graph, Executor<SolveTask<Types>> executor, int tries)
-      : owner_(graph, Types::types()), executor_(std::move(executor)), tries_(tries) {}
-  static bool is_lost(const JobReport& r) {
-    return r.status == JobStatus::died || (r.status == JobStatus::failed && r.restarted);
+  SolveBesideWith(Graph& graph, Executor<SolveTask<Types>> executor, int tries, bool retry_late)
+      : owner_(graph, Types::types()), executor_(std::move(executor)), tries_(tries), retry_late_(retry_late) {}
+  // A new worker that was told of edits alone says that it cannot take them: it failed.
+  bool is_lost(const JobReport& r) const {
+    if (r.status == JobStatus::timed_out) return r.worker_lost && retry_late_;
+    return r.worker_lost || (r.status == JobStatus::failed && r.restarted);
   }
   JobReport again() {
     owner_.begin_anew();
@@ -160,7 +164,7 @@ class SolveBesideWith {
   Executor<SolveTask<Types>> executor_;
   SolveOptions options_;
   int tries_;
-  bool in_flight_ = false;
+  bool retry_late_, in_flight_ = false;
 };
 
 using SolveBeside = SolveBesideWith<ShippedTypes>;

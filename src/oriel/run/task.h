@@ -23,6 +23,7 @@
 #include <concepts>
 #include <exception>
 #include <memory>
+#include <new>
 #include <optional>
 
 #include "oriel/run/transfer.h"
@@ -83,7 +84,8 @@ concept Task = requires {
 struct TaskOps {
   const char* name = "";
   bool context_copies = false, context_travels = false;
-  // A context of an encoded config, or of one that travelled.
+  // A context of an encoded config, or of one that travelled. Throws std::bad_alloc, and nothing else, as optimize
+  // does.
   Result<void*> (*make_context)(std::span<const std::byte> config) = nullptr;
   Result<void*> (*receive_context)(std::span<const std::byte> message) = nullptr;
   void (*send_context)(const void* context, Bytes& out) = nullptr;
@@ -96,16 +98,19 @@ struct TaskOps {
 
 namespace task_detail {
 
-Error error_of_exception(const char* what);  // the text of whatever is being thrown
+Error error_of_exception(const char* what);  // the text of whatever is being thrown, but bad_alloc
 
 template <class T>
 Result<T> wrapped(Result<T> r) {
   return r;
 }
+// What a task throws is its error, but for a lack of memory: that is its worker's affair (run_job).
 template <class T, class F>
 Result<T> guarded(F&& f) {
   try {
     return wrapped<T>(f());
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (...) {
     return error_of_exception("the task");
   }
@@ -147,13 +152,18 @@ Result<void> optimize(void* context, std::span<const std::byte> message, Bytes& 
   if (auto ok = decode(message, input); !ok) return ok;
   std::unique_ptr<Context> before;
   if constexpr (std::copy_constructible<Context>) before = std::make_unique<Context>(*now);
-  auto output = guarded<TaskOutput<T>>([&c = *now, &in = input] { return T::optimize(c, in); });
-  if (output) {
-    encode(*output, out);
-    return {};
+  try {
+    auto output = guarded<TaskOutput<T>>([&c = *now, &in = input] { return T::optimize(c, in); });
+    if (output) {
+      encode(*output, out);
+      return {};
+    }
+    if (before != nullptr) now = std::move(before);
+    return output.error();
+  } catch (const std::bad_alloc&) {
+    if (before != nullptr) now = std::move(before);
+    throw;
   }
-  if (before != nullptr) now = std::move(before);
-  return output.error();
 }
 template <Task T>
 Result<void> merge(Bytes& waiting, std::span<const std::byte> newer) {

@@ -1,8 +1,11 @@
 // Jobs in place, and in a thread.
+#include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 #include "oriel/run/runners.h"
 
@@ -19,14 +22,15 @@ class Worker {
     if (context_ != nullptr) task_.destroy_context(context_);
   }
   Result<void> begin() {
-    auto made = task_.make_context(config_);
+    auto made = make_context(task_, config_);
     if (!made) return made.error();
     context_ = *made;
     return {};
   }
   JobReport run(JobId job, const Bytes& input, Bytes& output) {
     output.clear();
-    const auto ok = task_.optimize(context_, input, output);
+    bool out_of_memory = false;
+    const auto ok = run_job(task_, context_, input, output, out_of_memory);
     return ok ? JobReport{job, JobStatus::done} : JobReport{job, JobStatus::failed, ok.error().text()};
   }
 
@@ -50,6 +54,7 @@ class InPlaceRunner final : public JobRunner {
     return report_;
   }
   void terminate() override {}
+  void expect() override {}
 
  private:
   Worker worker_;
@@ -59,8 +64,8 @@ class InPlaceRunner final : public JobRunner {
 
 class ThreadRunner final : public JobRunner {
  public:
-  ThreadRunner(const TaskOps& task, Bytes config, Duration time_limit)
-      : worker_(task, std::move(config)), time_limit_(time_limit) {}
+  ThreadRunner(const TaskOps& task, Bytes config, Duration time_limit, Duration spin)
+      : worker_(task, std::move(config)), time_limit_(time_limit), spin_(spin) {}
   ~ThreadRunner() override { terminate(); }
 
   // The context is made in the thread, where the work runs: a task may mind.
@@ -70,6 +75,12 @@ class ThreadRunner final : public JobRunner {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return begun_; });
     return made;
+  }
+  void expect() override {
+    const std::lock_guard lock(mutex_);
+    if (state_ == State::running) return;
+    expected_ = true;
+    changed_.notify_all();
   }
   JobReport start(JobId job, Bytes& input) override {
     const std::lock_guard lock(mutex_);
@@ -87,6 +98,8 @@ class ThreadRunner final : public JobRunner {
     return state_ == State::running && !is_late();
   }
   JobReport finish(Bytes& output) override {
+    const Duration looks = time_limit_.ns > 0 ? std::min(spin_, time_limit_) : spin_;
+    look_for(looks, [&] { return state_ == State::finished; });
     std::unique_lock lock(mutex_);
     const auto ready = [&] { return state_ == State::finished; };
     if (time_limit_.ns > 0)
@@ -118,6 +131,11 @@ class ThreadRunner final : public JobRunner {
   bool is_late() const {
     return time_limit_.ns > 0 && Clock::now() >= began_ + std::chrono::nanoseconds(time_limit_.ns);
   }
+  template <class F>
+  static void look_for(Duration how_long, F&& there) {
+    const auto end = Clock::now() + std::chrono::nanoseconds(how_long.ns);
+    while (!there() && Clock::now() < end) std::this_thread::yield();
+  }
   void serve(Result<void>& made) {
     std::unique_lock lock(mutex_);
     made = worker_.begin();
@@ -125,8 +143,14 @@ class ThreadRunner final : public JobRunner {
     const bool good = made.ok();  // `made` is the caller's, who goes on now
     changed_.notify_all();
     while (good) {
-      changed_.wait(lock, [&] { return ends_ || state_ == State::running; });
+      changed_.wait(lock, [&] { return ends_ || expected_ || state_ == State::running; });
       if (ends_) return;
+      if (std::exchange(expected_, false) && state_ != State::running) {
+        lock.unlock();
+        look_for(kAwake, [&] { return state_ == State::running; });
+        lock.lock();
+        continue;
+      }
       lock.unlock();
       JobReport report = worker_.run(job_, input_, output_);
       lock.lock();
@@ -137,12 +161,13 @@ class ThreadRunner final : public JobRunner {
   }
 
   Worker worker_;
-  Duration time_limit_;
+  Duration time_limit_, spin_;
   std::mutex mutex_;
   std::condition_variable changed_;
   std::thread thread_;
   bool begun_ = false, ends_ = false;
-  State state_ = State::idle;
+  bool expected_ = false;
+  std::atomic<State> state_ = State::idle;  // changed under the lock, and looked at without
   Clock::time_point began_;
   JobId job_ = 0;
   JobReport report_;
@@ -155,7 +180,7 @@ JobRunner* make_in_place_runner(const TaskOps& task, Bytes config) {
   return new InPlaceRunner(task, std::move(config));
 }
 JobRunner* make_thread_runner(const TaskOps& task, Bytes config, const ExecutorOptions& options) {
-  return new ThreadRunner(task, std::move(config), options.time_limit);
+  return new ThreadRunner(task, std::move(config), options.time_limit, options.spin);
 }
 
 }  // namespace oriel::run_detail

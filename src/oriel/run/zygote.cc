@@ -9,11 +9,15 @@
 
 #include <cerrno>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
+#include <exception>
 #include <map>
 #include <mutex>
+#include <new>
 #include <set>
 
+#include "oriel/run/runners.h"
 #include "oriel/run/thread_count.h"
 
 namespace oriel {
@@ -53,6 +57,22 @@ void become_child(pid_t parent, const std::string& name) {
   std::signal(SIGQUIT, SIG_IGN);
 }
 
+// How a worker says that it had no memory left where nobody could catch that: in a solve, for example, which throws
+// nothing.
+constexpr int kOutOfMemoryExit = 112;
+std::terminate_handler usual_end = nullptr;  // of this program
+
+[[noreturn]] void end_of_worker() noexcept {
+  try {
+    if (const std::exception_ptr thrown = std::current_exception()) std::rethrow_exception(thrown);
+  } catch (const std::bad_alloc&) {
+    ::_exit(kOutOfMemoryExit);
+  } catch (...) {  // said by the usual end
+  }
+  usual_end();
+  std::abort();
+}
+
 [[noreturn]] void run_worker(PacketSocket socket, const TaskOps& task, const WorkerLimits& limits, pid_t zygote) {
   sigset_t none;
   ::sigemptyset(&none);
@@ -61,9 +81,12 @@ void become_child(pid_t parent, const std::string& name) {
   if (!limits.core_dumps) set_limit(RLIMIT_CORE, 0);
   if (limits.memory_bytes > 0) set_limit(RLIMIT_AS, limits.memory_bytes);
   if (limits.cpu_seconds > 0) set_limit(RLIMIT_CPU, limits.cpu_seconds);
+  usual_end = std::set_terminate(&end_of_worker);
   try {
     serve_worker(socket, task);
-  } catch (...) {  // out of memory outside a job: the caller sees that the socket ends
+  } catch (const std::bad_alloc&) {  // outside a job: the caller sees that the socket ends
+    ::_exit(kOutOfMemoryExit);
+  } catch (...) {
     ::_exit(1);
   }
   ::_exit(0);
@@ -153,6 +176,7 @@ std::string text_of_status(int status) {
     const int signal = WTERMSIG(status);
     return "killed by signal " + std::to_string(signal) + " (" + ::strsignal(signal) + ")";
   }
+  if (WEXITSTATUS(status) == kOutOfMemoryExit) return "ended: out of memory";
   return "ended with exit code " + std::to_string(WEXITSTATUS(status));
 }
 
@@ -244,18 +268,26 @@ void serve_worker(PacketSocket& socket, const TaskOps& task) {
   void* context = nullptr;
   std::string why;  // there is no context
   Bytes output, travels;
+  Duration spin{0};
   for (;;) {
-    const auto got = socket.receive(packet);
+    const auto got = socket.receive(packet, {}, spin);
     if (!got || *got != PacketSocket::Got::packet) break;
+    spin = {};
+    if (packet.head.kind == static_cast<std::uint16_t>(WorkerPacket::wake)) {
+      spin = kAwake;
+      continue;
+    }
     PacketHead head;
     head.kind = static_cast<std::uint16_t>(WorkerPacket::answer);
     head.job = packet.head.job;
     output.clear(), travels.clear();
     Result<void> done;
+    bool out_of_memory = false;
     if (packet.head.kind == static_cast<std::uint16_t>(WorkerPacket::begin)) {
       if (context != nullptr) task.destroy_context(context);
       context = nullptr;
-      auto made = packet.parts[1].empty() ? task.make_context(packet.parts[0]) : task.receive_context(packet.parts[1]);
+      auto made = packet.parts[1].empty() ? run_detail::make_context(task, packet.parts[0])
+                                          : task.receive_context(packet.parts[1]);
       if (made)
         context = *made;
       else
@@ -263,10 +295,10 @@ void serve_worker(PacketSocket& socket, const TaskOps& task) {
     } else if (context == nullptr) {
       done = Error{ErrorCode::bad_input, "a worker has no context"};
     } else {
-      done = task.optimize(context, packet.parts[0], output);
-      if (packet.head.value == 1 && task.context_travels) task.send_context(context, travels);
+      done = run_detail::run_job(task, context, packet.parts[0], output, out_of_memory);
+      if (packet.head.value == 1 && task.context_travels && !out_of_memory) task.send_context(context, travels);
     }
-    head.value = done ? 0 : 1;
+    head.value = done ? kAnswerDone : out_of_memory ? kAnswerOutOfMemory : kAnswerFailed;
     if (!done) why = done.error().text();
     const auto text = done ? std::span<const std::byte>() : std::as_bytes(std::span(why));
     if (!socket.send(head, {output, travels, text})) break;

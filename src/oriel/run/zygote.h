@@ -58,7 +58,10 @@ void serve_worker(PacketSocket& socket, const TaskOps& task);
 enum class WorkerPacket : std::uint16_t {
   begin = 1,   // parts: config, context (empty: make it of the config)
   job = 2,     // parts: input; value 1: the context is to travel with the answer
-  answer = 3,  // parts: output, context, text of an error; value 0 done, 1 failed
+  answer = 3,  // parts: output, context, text of an error; value as below
+  wake = 4,    // a job comes soon. No answer
 };
+inline constexpr Duration kAwake{1'000'000};  // that a worker then looks for it before it sleeps again [ns]
+inline constexpr std::int64_t kAnswerDone = 0, kAnswerFailed = 1, kAnswerOutOfMemory = 2;
 
 }  // namespace oriel

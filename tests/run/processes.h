@@ -1,0 +1,50 @@
+// What tests look at that leave nothing behind.
+#pragma once
+#include <dirent.h>
+#include <sys/types.h>
+
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <set>
+#include <string>
+#include <thread>
+
+namespace oriel {
+
+// Processes whose parent is that one.
+inline std::set<pid_t> children_of(pid_t parent) {
+  std::set<pid_t> out;
+  DIR* processes = ::opendir("/proc");
+  while (const dirent* entry = ::readdir(processes)) {
+    std::ifstream stat(std::string("/proc/") + entry->d_name + "/stat");
+    std::string text;
+    if (!std::getline(stat, text)) continue;
+    const auto at = text.rfind(')');
+    char state = 0;
+    pid_t of = 0;
+    if (std::sscanf(text.c_str() + at + 1, " %c %d", &state, &of) == 2 && of == parent)
+      out.insert(std::atoi(entry->d_name));
+  }
+  ::closedir(processes);
+  return out;
+}
+
+// Whether it has none, after at most two seconds: a worker that was late is not waited for, but goes.
+inline bool goes_childless(pid_t parent) {
+  for (int i = 0; i < 200 && !children_of(parent).empty(); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  return children_of(parent).empty();
+}
+
+// Open files of this process, memory that is shared among them.
+inline int descriptor_count() {
+  int n = 0;
+  DIR* fds = ::opendir("/proc/self/fd");
+  while (const dirent* entry = ::readdir(fds)) n += entry->d_name[0] != '.';
+  ::closedir(fds);
+  return n - 1;
+}
+
+}  // namespace oriel
