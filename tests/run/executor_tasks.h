@@ -143,9 +143,8 @@ struct UniqueSums : Sums<UniqueContext> {
   static constexpr const char* kName = "unique_sums";
 };
 static_assert(Task<TravellingSums> && Task<StayingSums> && Task<UniqueSums>);
-static_assert(kTaskOps<TravellingSums>.context_travels && kTaskOps<TravellingSums>.context_copies);
-static_assert(!kTaskOps<StayingSums>.context_travels && kTaskOps<StayingSums>.context_copies);
-static_assert(!kTaskOps<UniqueSums>.context_travels && !kTaskOps<UniqueSums>.context_copies);
+static_assert(kTaskOps<TravellingSums>.context_travels);
+static_assert(!kTaskOps<StayingSums>.context_travels && !kTaskOps<UniqueSums>.context_travels);
 
 inline Zygote test_zygote() {
   return Zygote::start({&kTaskOps<TravellingSums>, &kTaskOps<StayingSums>, &kTaskOps<UniqueSums>}).value();

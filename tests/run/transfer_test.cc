@@ -70,6 +70,23 @@ static_assert(!Plain<Views> && !Plain<Frame> && !Plain<const double*> && !Plain<
 static_assert(Transferable<Input> && Transferable<Views> && Transferable<Closed> && Transferable<Nested>);
 static_assert(!Transferable<HoldsPointer> && !Transferable<std::vector<bool>> && !Transferable<std::vector<int*>> &&
               !Transferable<std::string_view> && !Transferable<Derived>);
+// However deep it is hidden.
+struct HoldsHolder {
+  int n;
+  HoldsPointer holder;
+};
+struct HoldsMany {
+  double x[20];
+  int* last;
+};
+static_assert(!Plain<std::span<double>> && !Plain<std::span<const int, 3>> && !Plain<std::array<int*, 2>> &&
+              !Plain<std::optional<const char*>> && !Plain<std::variant<int, int*>> && !Plain<HoldsHolder> &&
+              !Plain<HoldsMany> && !Plain<std::reference_wrapper<int>>);
+static_assert(!Transferable<std::span<double>> && !Transferable<std::span<const int, 3>> &&
+              !Transferable<std::array<int*, 2>> && !Transferable<std::optional<int*>> &&
+              !Transferable<std::variant<int, int*>> && !Transferable<HoldsHolder> &&
+              !Transferable<std::vector<std::span<double>>>);
+static_assert(Plain<std::optional<double>> && Plain<std::variant<int, double>>);
 
 Input random_input(std::mt19937& random) {
   const auto below = [&](int n) { return static_cast<int>(random() % static_cast<unsigned>(n)); };

@@ -2,6 +2,7 @@
 
 #include <new>
 #include <ostream>
+#include <utility>
 
 #include "oriel/run/runners.h"
 
@@ -65,6 +66,8 @@ Result<void*> make_context(const TaskOps& task, std::span<const std::byte> confi
     return task.make_context(config);
   } catch (const std::bad_alloc&) {
     return no_memory();
+  } catch (...) {
+    return task_detail::error_of_exception("the task");
   }
 }
 
@@ -77,6 +80,9 @@ Result<void> run_job(const TaskOps& task, void* context, std::span<const std::by
     output = {};
     out_of_memory = true;
     return no_memory();
+  } catch (...) {  // a copy of the context, for example
+    output.clear();
+    return task_detail::error_of_exception("the task");
   }
 }
 
@@ -144,10 +150,10 @@ const JobReport* ExecutorCore::wait() {
 void ExecutorCore::forget() {
   state_ = State::idle;
   if (waiting_ == 0) return;
-  const JobId job = waiting_;
-  waiting_ = 0;
-  if (terminated_) return;
-  const JobReport started = begin(job, waiting_input_);
+  const JobId job = std::exchange(waiting_, 0);
+  const JobReport started =
+      terminated_ ? JobReport{job, JobStatus::terminated, "the executor was terminated before the job began"}
+                  : begin(job, waiting_input_);
   if (started.status == JobStatus::accepted) return;
   report_ = started;  // told by the next write_back
   state_ = State::finished;

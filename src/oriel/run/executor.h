@@ -145,24 +145,21 @@ class Executor {
     const JobReport* r = core_.wait();
     if (r == nullptr) return {};
     JobReport report = *r;
+    const Forgetter once{*this};  // also where write throws
     if (report.status == JobStatus::done) {
       if (auto ok = read_output(); ok)
         T::write(output_, map);
       else
         report.status = JobStatus::failed, report.message = ok.error().text();
     }
-    core_.forget();
-    read_ = false;
     return report;
   }
   // Waits for the job in flight and forgets its result.
   JobReport discard() {
     const JobReport* r = core_.wait();
     if (r == nullptr) return {};
-    JobReport report = *r;
-    core_.forget();
-    read_ = false;
-    return report;
+    const Forgetter once{*this};
+    return *r;
   }
   // Ends the worker: a process at once, a thread after the job that it is at. As often as one likes; a submit
   // afterwards is refused. What had arrived can still be written back.
@@ -170,6 +167,13 @@ class Executor {
   ExecutorKind kind() const { return core_.kind(); }
 
  private:
+  struct Forgetter {
+    Executor& executor;
+    ~Forgetter() {
+      executor.core_.forget();
+      executor.read_ = false;
+    }
+  };
   explicit Executor(run_detail::ExecutorCore core) : core_(std::move(core)) {}
   Result<void> read_output() {
     if (read_) return {};

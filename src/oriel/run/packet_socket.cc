@@ -6,6 +6,7 @@
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -181,6 +182,11 @@ Result<void> PacketSocket::send(PacketHead head, std::array<std::span<const std:
     if (errno == EPIPE || errno == ECONNRESET) return gone();
     return refused("sendmsg");
   }
+}
+
+void PacketSocket::limit_sending(Duration limit) {
+  const timeval t{limit.ns / 1'000'000'000, limit.ns % 1'000'000'000 / 1000};
+  ::setsockopt(fd_.get(), SOL_SOCKET, SO_SNDTIMEO, &t, sizeof(t));
 }
 
 bool PacketSocket::has_news() const {

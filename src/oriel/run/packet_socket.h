@@ -101,6 +101,8 @@ class PacketSocket {
     read_.reset();
   }
   OwnedFd take() { return std::move(fd_); }
+  // A send that waits for room is refused after so long. 0: never.
+  void limit_sending(Duration limit);
 
   // ErrorCode::not_found where the other side has gone. `passed` is a descriptor to send along.
   Result<void> send(PacketHead head, std::array<std::span<const std::byte>, 3> parts = {}, int passed = -1);

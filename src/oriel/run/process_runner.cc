@@ -1,5 +1,6 @@
 // Jobs in a child process (executor.h, zygote.h). What a new worker has to be told when one has died is kept here: the
 // config, the last context that travelled, and the inputs of the jobs done since.
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
@@ -15,8 +16,21 @@ class ProcessRunner final : public JobRunner {
   ~ProcessRunner() override { terminate(); }
 
   Result<void> begin() override {
-    restarts_ = -1;
-    return start_worker();
+    began_ = Clock::now();
+    if (auto ok = fork_worker(); !ok) return ok;
+    const auto sent = socket_.send(head(WorkerPacket::begin), {config_, {}, {}});
+    const auto got =
+        sent ? socket_.receive(packet_, options_.time_limit) : Result<PacketSocket::Got>(PacketSocket::Got::gone);
+    if (got && *got == PacketSocket::Got::timeout) {
+      drop_worker();
+      return Error{ErrorCode::io, std::string("a worker of task '") + task_.name + "' did not begin in time"};
+    }
+    if (!got || *got != PacketSocket::Got::packet)
+      return Error{ErrorCode::io, std::string("a worker of task '") + task_.name + "' " + end_worker()};
+    if (packet_.head.value == kAnswerDone) return {};
+    Error e{ErrorCode::bad_input, text_of_answer()};
+    end_worker();
+    return e;
   }
   // Once for each job: those that nobody reads would fill the socket.
   void expect() override {
@@ -30,6 +44,7 @@ class ProcessRunner final : public JobRunner {
     retries_ = options_.retries;
     restarted_ = anew_ = false;
     if (alive_ && socket_.has_news()) end_worker();  // nothing was asked of it: it can only have gone
+    began_ = Clock::now();
     if (auto ok = send_job(); !ok) return lost(JobStatus::died, ok.error().text());
     return {job, JobStatus::accepted};
   }
@@ -40,6 +55,8 @@ class ProcessRunner final : public JobRunner {
       JobReport r = await(output);
       const bool again = r.worker_lost && (r.status != JobStatus::timed_out || options_.retry_late);
       if (!again || retries_-- <= 0) return r;
+      if (options_.retry_late) began_ = Clock::now();
+      if (left().ns <= 0) return r;
       if (auto ok = send_job(); !ok) return lost(JobStatus::died, ok.error().text());
     }
   }
@@ -70,58 +87,44 @@ class ProcessRunner final : public JobRunner {
     return h;
   }
 
-  // A worker with the context of the last job that was done.
-  Result<void> start_worker() {
-    auto worker = options_.zygote->spawn(task_, options_.limits);
+  Result<void> fork_worker() {
+    auto worker = options_.zygote->spawn(task_, options_.limits, std::min(left(), Zygote::kPatience));
     if (!worker) return worker.error();
     socket_ = std::move(worker->socket);
+    socket_.limit_sending(options_.time_limit);
     pid_ = worker->pid;
     alive_ = true;
-    if (++restarts_ > 0) {
-      restarted_ = true;
-      anew_ = anew_ || (jobs_done_ > 0 && !task_.context_travels);
-    }
-    if (auto ok = told({head(WorkerPacket::begin)}, {config_, checkpoint_, {}}); !ok) return ok;
-    for (const Bytes& input : since_)
-      if (auto ok = told({head(WorkerPacket::job)}, {input, {}, {}}, true); !ok) return ok;
     return {};
   }
-  // Sends something and waits for the answer, which need not be good where it was not the first time either.
-  Result<void> told(const PacketHead& h, std::array<std::span<const std::byte>, 3> parts, bool may_fail = false) {
-    const auto sent = socket_.send(h, parts);
-    const auto got =
-        sent ? socket_.receive(packet_, options_.time_limit) : Result<PacketSocket::Got>(PacketSocket::Got::gone);
-    if (got && *got == PacketSocket::Got::timeout) {
-      drop_worker();
-      return Error{ErrorCode::io, std::string("a worker of task '") + task_.name + "' did not begin in time"};
-    }
-    if (!got || *got != PacketSocket::Got::packet)
-      return Error{ErrorCode::io, std::string("a worker of task '") + task_.name + "' " + end_worker()};
-    if (packet_.head.value == kAnswerDone || may_fail) return {};
-    Error e{ErrorCode::bad_input, text_of_answer()};
-    end_worker();
-    return e;
+  // A worker that is to come to the context of the last job that was done. It is told everything and not waited for: a
+  // submit returns at once. Where it cannot begin, the answer to the job says so.
+  Result<void> start_again() {
+    if (auto ok = fork_worker(); !ok) return ok;
+    restarted_ = true;
+    anew_ = anew_ || (jobs_done_ > 0 && !task_.context_travels);
+    auto sent = socket_.send(head(WorkerPacket::begin, kNoAnswer), {config_, checkpoint_, {}});
+    for (std::size_t i = 0; i < since_.size() && sent; ++i)
+      sent = socket_.send(head(WorkerPacket::job, kNoAnswer), {since_[i], {}, {}});
+    return sent;
   }
   Result<void> send_job() {
-    began_ = Clock::now();
     if (!alive_)
-      if (auto ok = start_worker(); !ok) return ok;
+      if (auto ok = start_again(); !ok && !has_gone(ok)) return ok;
     const bool travels = task_.context_travels && static_cast<int>(since_.size()) + 1 >= options_.checkpoint_every;
     // Where the worker has gone meanwhile, finish sees it.
-    auto sent = socket_.send(head(WorkerPacket::job, travels ? 1 : 0), {input_, {}, {}});
-    if (!sent && sent.error().code != ErrorCode::not_found) {
-      end_worker();
-      return sent;
-    }
-    return {};
+    auto sent = socket_.send(head(WorkerPacket::job, travels ? kContextTravels : 0), {input_, {}, {}});
+    if (sent || has_gone(sent)) return {};
+    end_worker();
+    return sent;
   }
+  bool has_gone(const Result<void>& sent) const { return alive_ && sent.error().code == ErrorCode::not_found; }
   JobReport await(Bytes& output) {
     for (;;) {
       const Duration rest = left();
       const auto got = rest.ns > 0 ? socket_.receive(packet_, rest.ns == INT64_MAX ? Duration{} : rest, options_.spin)
                                    : late_answer();
       if (got && *got == PacketSocket::Got::packet) {
-        if (packet_.head.job != job_) continue;  // of one that was given up
+        if (packet_.head.job != job_) continue;  // of another
         return arrived(output);
       }
       if (got && *got == PacketSocket::Got::timeout) {
@@ -138,7 +141,8 @@ class ProcessRunner final : public JobRunner {
   }
   JobReport arrived(Bytes& output) {
     const bool done = packet_.head.value == kAnswerDone;
-    if (packet_.head.value == kAnswerOutOfMemory) {  // what it had left may be little, and its own fault
+    // What it had left may be little, and its own fault; and one without a context will never do anything.
+    if (packet_.head.value == kAnswerOutOfMemory || packet_.head.value == kAnswerNoContext) {
       JobReport r = lost(JobStatus::failed, text_of_answer());
       drop_worker();
       return r;
@@ -150,7 +154,7 @@ class ProcessRunner final : public JobRunner {
     if (!packet_.parts[1].empty()) {
       checkpoint_.assign(packet_.parts[1].begin(), packet_.parts[1].end());
       since_.clear();
-    } else if (task_.context_travels && (done || !task_.context_copies)) {
+    } else if (task_.context_travels && done) {
       since_.push_back(input_);  // it changed the context
     }
     return done ? report(JobStatus::done) : report(JobStatus::failed, text_of_answer());
@@ -177,7 +181,7 @@ class ProcessRunner final : public JobRunner {
   PacketSocket socket_;
   pid_t pid_ = -1;
   bool alive_ = false, expected_ = false;
-  int restarts_ = -1, retries_ = 0;
+  int retries_ = 0;
   std::uint64_t jobs_done_ = 0;
   bool restarted_ = false, anew_ = false;
   Clock::time_point began_;

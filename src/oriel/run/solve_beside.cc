@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "oriel/graph/fingerprint.h"
+
 namespace oriel {
 
 Summary summary_of(const SolveOutcome& outcome, const SolveOptions& options) {
@@ -81,9 +83,15 @@ Result<SolveOutput> SolveContext::solve(const SolveInput& input) {
     append_solution(out.solution, s.engine.solution());
     s.solution_size = out.solution.size();
   }
-  // Without a fingerprint: that looks at the whole graph, and nobody here compares it.
-  append_outcome(out.outcome, {summary.reason, summary.iterations, summary.accepted, summary.initial_cost,
-                               summary.final_cost, s.engine.state(), 0});
+  SolveOutcome outcome{summary.reason,
+                       summary.iterations,
+                       summary.accepted,
+                       summary.initial_cost,
+                       summary.final_cost,
+                       s.engine.state(),
+                       0};
+  if (input.wants_fingerprint) outcome.fingerprint = fingerprint(s.graph);
+  append_outcome(out.outcome, outcome);
   out.order = s.engine.state().order;
   return out;
 }
@@ -91,6 +99,9 @@ Result<SolveOutput> SolveContext::solve(const SolveInput& input) {
 SolveOwner::SolveOwner(SolveOwner&& other) noexcept
     : graph_(std::exchange(other.graph_, nullptr)),
       types_(std::move(other.types_)),
+      can_be_lost_(other.can_be_lost_),
+      told_(std::move(other.told_)),
+      knows_told_(other.knows_told_),
       subscription_(other.subscription_),
       subscribed_(other.subscribed_),
       whole_(other.whole_),
@@ -132,6 +143,23 @@ const SolveInput& SolveOwner::collect(const SolveOptions& options) {
   return in;
 }
 
+void SolveOwner::submitted() {
+  if (can_be_lost_) knows_told_ = told_.apply(edit_).ok() && (knows_told_ || edit_.whole());
+}
+
+const SolveInput& SolveOwner::collect_again() {
+  Graph& graph = knows_told_ ? told_ : *graph_;
+  if (!knows_told_) input_.version = graph.version();
+  const Subscription whole = graph.subscribe();
+  graph.collect(whole, edit_);
+  graph.unsubscribe(whole);
+  edit_.mark_whole();
+  input_.edit.clear();
+  append_edit(input_.edit, edit_);
+  input_.order = state_.order;
+  return input_;
+}
+
 void SolveOwner::write(const SolveOutput& output) { written_ = take(output); }
 
 Result<void> SolveOwner::take(const SolveOutput& output) {
@@ -146,6 +174,10 @@ Result<void> SolveOwner::take(const SolveOutput& output) {
   const auto solution = read_message(output.solution);
   if (!solution) return solution.error();
   if (auto ok = read_solution(*solution, types_, solution_); !ok) return ok;
+  if (knows_told_) {
+    solution_.version = told_.version();
+    knows_told_ = told_.adopt(solution_).ok();
+  }
   solution_.version = output.version;  // what the owner set since then stays
   return graph_->adopt(solution_);
 }

@@ -6,10 +6,11 @@
 //     beside.write_back();         // waits; the values found go into the graph (Graph::adopt), but for what is gone,
 //                                  // fixed, or was set meanwhile
 //
-// The worker holds a replica that follows by net edits (change_log.h) and keeps its structure from job to job. When it
-// is lost, or a job fails, the next one takes the whole graph: the owner's graph is the checkpoint. Where nothing was
-// edited meanwhile, results are those of an undisturbed run. Submit and write_back stand at points that the owner's
-// data define (a keyframe, so many updates later); then a run has the same bits wherever it is solved.
+// The worker holds a replica that follows by net edits (change_log.h) and keeps its structure from job to job. For one
+// that can be lost the owner's side keeps the graph as it was told: the checkpoint, from which another does the job
+// again and comes to the same bits, whatever was edited meanwhile. After a job that failed the next one takes the whole
+// graph. Submit and write_back stand at points that the owner's data define (a keyframe, so many updates later); then a
+// run has the same bits wherever it is solved.
 #pragma once
 #include "oriel/run/executor.h"
 #include "oriel/run/message.h"
@@ -23,6 +24,7 @@ struct SolveInput {
   std::uint64_t version = 0;   // of the owner's graph
   Bytes edit, request;
   EliminationOrder order;  // of a large graph, with the whole of it: the state that a worker before had reached
+  bool wants_fingerprint = false;
 };
 struct SolveOutput {
   std::uint64_t version = 0;
@@ -49,11 +51,20 @@ class SolveContext {
 // The owner's side, but for the executor.
 class SolveOwner {
  public:
-  SolveOwner(Graph& graph, TypeList types) : graph_(&graph), types_(std::move(types)) { begin_anew(); }
+  // `can_be_lost`: its worker, and what it was told is kept.
+  SolveOwner(Graph& graph, TypeList types, bool can_be_lost)
+      : graph_(&graph), types_(std::move(types)), can_be_lost_(can_be_lost) {
+    begin_anew();
+  }
   SolveOwner(SolveOwner&& other) noexcept;
   SolveOwner& operator=(SolveOwner&&) = delete;
   ~SolveOwner();                                           // the graph keeps nothing for it any more
   const SolveInput& collect(const SolveOptions& options);  // good until the next
+  // Once it was submitted: the graph that is kept follows.
+  void submitted();
+  // The same job for a worker that knows nothing; after submitted().
+  const SolveInput& collect_again();
+  void want_fingerprints() { input_.wants_fingerprint = true; }
   void write(const SolveOutput& output);
   const Result<void>& written() const { return written_; }  // what came of it
   // The worker is not where it should be: it is told everything next time.
@@ -66,6 +77,9 @@ class SolveOwner {
 
   Graph* graph_;  // null: moved from
   TypeList types_;
+  bool can_be_lost_;
+  Graph told_;  // as the worker has it, where that can be lost,
+  bool knows_told_ = false;
   Subscription subscription_;
   bool subscribed_ = false, whole_ = true;
   std::uint64_t sequence_ = 0;
@@ -114,18 +128,22 @@ class SolveBesideWith {
     return SolveBesideWith(graph, std::move(*executor), tries, options.retry_late);
   }
 
-  // No callback, no deadline: they are the owner's affair. busy where a job is in flight.
+  // No callback, no deadline: they are the owner's affair. busy where a job is in flight, or a thread is still at one
+  // that was late.
   JobReport submit(const SolveOptions& options) {
     if (in_flight_) return {0, JobStatus::busy, "a solve is in flight: write it back first"};
-    options_ = options;
     executor_.expect();
     JobReport r = executor_.submit(owner_.collect(options));
-    for (int i = 0; i < tries_ && r.status == JobStatus::died; ++i) r = again();
+    owner_.submitted();
+    job_ = r.job;
+    for (int i = 0; i < tries_ && is_lost(r); ++i) r = again();
     in_flight_ = r.status == JobStatus::accepted;
+    if (!in_flight_) owner_.begin_anew();  // what was collected has not arrived
     return r;
   }
   bool is_running() { return executor_.is_running(); }
-  // Waits, and adopts the values once. Where the worker was lost the job is done again, with the graph as it is now.
+  // Waits, and adopts the values once. Where the worker was lost another does the same job, with a time limit of its
+  // own.
   JobReport write_back() {
     if (!in_flight_) return {};
     JobReport r = executor_.write_back(owner_);
@@ -139,9 +157,12 @@ class SolveBesideWith {
       r.status = JobStatus::failed, r.message = owner_.written().error().text();
     if (r.status != JobStatus::done) owner_.begin_anew();
     in_flight_ = false;
+    r.job = job_;
     r.restarted = restarted;
     return r;
   }
+  // Outcomes have a fingerprint of the worker's graph, which takes as long as looking at all of it.
+  void want_fingerprints() { owner_.want_fingerprints(); }
   // Of the last solve that was written back.
   const SolveOutcome& outcome() const { return owner_.outcome(); }
   const SolverState& state() const { return owner_.state(); }
@@ -149,22 +170,22 @@ class SolveBesideWith {
 
  private:
   SolveBesideWith(Graph& graph, Executor<SolveTask<Types>> executor, int tries, bool retry_late)
-      : owner_(graph, Types::types()), executor_(std::move(executor)), tries_(tries), retry_late_(retry_late) {}
+      : owner_(graph, Types::types(), executor.kind() == ExecutorKind::process),
+        executor_(std::move(executor)),
+        tries_(tries),
+        retry_late_(retry_late) {}
   // A new worker that was told of edits alone says that it cannot take them: it failed.
   bool is_lost(const JobReport& r) const {
     if (r.status == JobStatus::timed_out) return r.worker_lost && retry_late_;
     return r.worker_lost || (r.status == JobStatus::failed && r.restarted);
   }
-  JobReport again() {
-    owner_.begin_anew();
-    return executor_.submit(owner_.collect(options_));
-  }
+  JobReport again() { return executor_.submit(owner_.collect_again()); }
 
   run_detail::SolveOwner owner_;
   Executor<SolveTask<Types>> executor_;
-  SolveOptions options_;
   int tries_;
   bool retry_late_, in_flight_ = false;
+  JobId job_ = 0;
 };
 
 using SolveBeside = SolveBesideWith<ShippedTypes>;

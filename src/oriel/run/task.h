@@ -83,14 +83,15 @@ concept Task = requires {
 // What a task is to an executor: functions over bytes.
 struct TaskOps {
   const char* name = "";
-  bool context_copies = false, context_travels = false;
+  bool context_travels = false;
   // A context of an encoded config, or of one that travelled. Throws std::bad_alloc, and nothing else, as optimize
   // does.
   Result<void*> (*make_context)(std::span<const std::byte> config) = nullptr;
   Result<void*> (*receive_context)(std::span<const std::byte> message) = nullptr;
   void (*send_context)(const void* context, Bytes& out) = nullptr;
   void (*destroy_context)(void* context) = nullptr;
-  // One job. After an error the context is as it was before, where it copies.
+  // One job. After an error the context is as it was before, where it can be copied or travels. May throw, as may the
+  // others, where there is no memory or a copy throws.
   Result<void> (*optimize)(void* context, std::span<const std::byte> input, Bytes& output) = nullptr;
   // One input of two, in place of the first.
   Result<void> (*merge)(Bytes& waiting, std::span<const std::byte> newer) = nullptr;
@@ -104,7 +105,8 @@ template <class T>
 Result<T> wrapped(Result<T> r) {
   return r;
 }
-// What a task throws is its error, but for a lack of memory: that is its worker's affair (run_job).
+// What a task throws is its error, but for a lack of memory: that is its worker's affair, as is what is thrown in
+// between (run_job).
 template <class T, class F>
 Result<T> guarded(F&& f) {
   try {
@@ -116,11 +118,12 @@ Result<T> guarded(F&& f) {
   }
 }
 
-// What a worker keeps from job to job: the context, and the memory of the last input.
+// What a worker keeps from job to job: the context, and memory.
 template <Task T>
 struct Kept {
   std::unique_ptr<TaskContext<T>> context;
-  TaskInput<T> input;
+  TaskInput<T> input = {};
+  Bytes before = {};  // the context of the job before, where it travels and cannot be copied
 };
 
 template <Task T>
@@ -129,14 +132,14 @@ Result<void*> make_context(std::span<const std::byte> message) {
   if (auto ok = decode(message, config); !ok) return ok.error();
   auto made = guarded<TaskContext<T>>([&] { return T::init_context(config); });
   if (!made) return made.error();
-  return static_cast<void*>(new Kept<T>{std::make_unique<TaskContext<T>>(std::move(*made)), {}});
+  return static_cast<void*>(new Kept<T>{std::make_unique<TaskContext<T>>(std::move(*made))});
 }
 template <Task T>
 Result<void*> receive_context(std::span<const std::byte> message) {
   if constexpr (Transferable<TaskContext<T>>) {
     auto context = std::make_unique<TaskContext<T>>();
     if (auto ok = decode(message, *context); !ok) return ok.error();
-    return static_cast<void*>(new Kept<T>{std::move(context), {}});
+    return static_cast<void*>(new Kept<T>{std::move(context)});
   } else {
     return Error{ErrorCode::bad_input, "a context of this task cannot travel"};
   }
@@ -148,20 +151,30 @@ void send_context(const void* context, Bytes& out) {
 template <Task T>
 Result<void> optimize(void* context, std::span<const std::byte> message, Bytes& out) {
   using Context = TaskContext<T>;
-  auto& [now, input] = *static_cast<Kept<T>*>(context);
+  auto& [now, input, bytes] = *static_cast<Kept<T>*>(context);
   if (auto ok = decode(message, input); !ok) return ok;
   std::unique_ptr<Context> before;
-  if constexpr (std::copy_constructible<Context>) before = std::make_unique<Context>(*now);
+  if constexpr (std::copy_constructible<Context>)
+    before = std::make_unique<Context>(*now);
+  else if constexpr (Transferable<Context>)
+    encode(*now, bytes);
+  const auto put_back = [&] {
+    if constexpr (!std::copy_constructible<Context> && Transferable<Context>) {
+      before = std::make_unique<Context>();
+      static_cast<void>(decode(std::span<const std::byte>(bytes), *before));  // it was encoded here
+    }
+    if (before != nullptr) now = std::move(before);
+  };
   try {
     auto output = guarded<TaskOutput<T>>([&c = *now, &in = input] { return T::optimize(c, in); });
     if (output) {
       encode(*output, out);
       return {};
     }
-    if (before != nullptr) now = std::move(before);
+    put_back();
     return output.error();
-  } catch (const std::bad_alloc&) {
-    if (before != nullptr) now = std::move(before);
+  } catch (...) {
+    put_back();
     throw;
   }
 }
@@ -190,14 +203,10 @@ constexpr const char* name_of() {
 }  // namespace task_detail
 
 template <Task T>
-inline constexpr TaskOps kTaskOps = {task_detail::name_of<T>(),
-                                     std::copy_constructible<TaskContext<T>>,
-                                     Transferable<TaskContext<T>>,
-                                     &task_detail::make_context<T>,
-                                     &task_detail::receive_context<T>,
-                                     &task_detail::send_context<T>,
-                                     [](void* context) { delete static_cast<task_detail::Kept<T>*>(context); },
-                                     &task_detail::optimize<T>,
-                                     &task_detail::merge<T>};
+inline constexpr TaskOps kTaskOps = {
+    task_detail::name_of<T>(),     Transferable<TaskContext<T>>,
+    &task_detail::make_context<T>, &task_detail::receive_context<T>,
+    &task_detail::send_context<T>, [](void* context) { delete static_cast<task_detail::Kept<T>*>(context); },
+    &task_detail::optimize<T>,     &task_detail::merge<T>};
 
 }  // namespace oriel

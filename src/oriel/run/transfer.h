@@ -11,11 +11,14 @@
 // error, and never asks for memory that its own length does not justify.
 #pragma once
 #include <array>
+#include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "oriel/base/bytes.h"
@@ -42,6 +45,35 @@ inline constexpr bool kIsPair = false;
 template <class A, class B>
 inline constexpr bool kIsPair<std::pair<A, B>> = true;
 
+template <class T>
+inline constexpr bool kIsView =
+    std::is_pointer_v<T> || std::is_member_pointer_v<T> || std::is_same_v<T, std::string_view>;
+template <class T, std::size_t N>
+inline constexpr bool kIsView<std::span<T, N>> = true;
+template <class T>
+inline constexpr bool kIsView<std::reference_wrapper<T>> = true;
+
+// Whether a T is, or holds, a pointer or a view: its bytes are of no use elsewhere. As far as that can be seen from
+// outside: of aggregates their members, and theirs; of classes that say nothing of themselves, nothing.
+template <class T>
+constexpr bool looks_elsewhere();
+template <class T>
+struct Holds {  // of a T that is no aggregate
+  static constexpr bool kView = false;
+};
+template <class T>
+struct Holds<std::optional<T>> {
+  static constexpr bool kView = looks_elsewhere<T>();
+};
+template <class... T>
+struct Holds<std::variant<T...>> {
+  static constexpr bool kView = (looks_elsewhere<T>() || ...);
+};
+template <class T, std::size_t N>
+struct Holds<std::array<T, N>> {
+  static constexpr bool kView = looks_elsewhere<T>();
+};
+
 struct AnyMember {
   template <class T>
   operator T() const noexcept;  // NOLINT(google-explicit-constructor): never defined, only asked for
@@ -49,8 +81,7 @@ struct AnyMember {
 // Converts to what must not travel as bytes.
 struct LooksElsewhere {
   template <class T>
-  requires(std::is_pointer_v<T> || kIsSpan<T> || std::is_same_v<T, std::string_view>) operator T()
-      const noexcept;  // NOLINT(google-explicit-constructor)
+  requires(looks_elsewhere<T>()) operator T() const noexcept;  // NOLINT(google-explicit-constructor)
 };
 
 // Converts to base classes of T alone: only T's base takes it, and a struct with one cannot be taken apart.
@@ -88,13 +119,15 @@ template <class T, std::size_t... N>
 constexpr bool any_view(std::index_sequence<N...>) {
   return (takes_view_after<T>(std::make_index_sequence<N>{}) || ...);
 }
-// Whether a struct has a member that is a pointer or a view, as far as that can be seen from outside.
+inline constexpr std::size_t kFarthestView = 32;  // among the members, and the elements of C arrays
 template <class T>
-constexpr bool holds_view() {
-  if constexpr (std::is_aggregate_v<T> && std::is_class_v<T> && !kIsArray<T>)
-    return any_view<T>(std::make_index_sequence<kMostMembers>{});
+constexpr bool looks_elsewhere() {
+  if constexpr (kIsView<T>)
+    return true;
+  else if constexpr (std::is_aggregate_v<T> && std::is_class_v<T> && !kIsArray<T>)
+    return any_view<T>(std::make_index_sequence<kFarthestView>{});
   else
-    return false;
+    return Holds<T>::kView;
 }
 
 struct NoVisit {
@@ -168,9 +201,8 @@ void visit_members(T& t, F&& f) {
 
 // Travels as its bytes.
 template <class T>
-concept Plain = std::is_trivially_copyable_v<T> && !std::is_pointer_v<T> && !std::is_member_pointer_v<T> &&
-                !transfer_detail::kIsSpan<T> && !std::is_same_v<T, std::string_view> &&
-                !transfer_detail::SaysWhatTravels<T> && !transfer_detail::holds_view<T>() && alignof(T) <= 16;
+concept Plain = std::is_trivially_copyable_v<T> && !transfer_detail::SaysWhatTravels<T> &&
+                !transfer_detail::looks_elsewhere<T>() && alignof(T) <= 16;
 
 namespace transfer_detail {
 

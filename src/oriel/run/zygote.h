@@ -37,13 +37,17 @@ class Zygote {
     pid_t pid = -1;
     PacketSocket socket;
   };
-  Result<Worker> spawn(const TaskOps& task, const WorkerLimits& limits);
-  // Ends a worker and waits until it is gone; how it ended, as text: "killed by signal 11 (Segmentation fault)".
+  // `limit`: that a zygote which does not answer is waited for.
+  Result<Worker> spawn(const TaskOps& task, const WorkerLimits& limits, Duration limit = kPatience);
+  // Ends a worker, with what it has forked, and waits until it is gone; how it ended, as text: "killed by signal 11
+  // (Segmentation fault)".
   std::string end(pid_t worker);
   // Ends one that nobody waits for any more: back at once, however long the system takes to have its memory again.
   void drop(pid_t worker);
 
   pid_t pid() const;
+  // That it is waited for at most: it answers at once, unless somebody has stopped it.
+  static constexpr Duration kPatience{1'000'000'000};  // [ns]
 
  private:
   struct State;
@@ -56,12 +60,14 @@ void serve_worker(PacketSocket& socket, const TaskOps& task);
 
 // Kinds of packets between an executor and its worker.
 enum class WorkerPacket : std::uint16_t {
-  begin = 1,   // parts: config, context (empty: make it of the config)
-  job = 2,     // parts: input; value 1: the context is to travel with the answer
-  answer = 3,  // parts: output, context, text of an error; value as below
+  begin = 1,   // parts: config, context (empty: make it of the config); value: how to answer
+  job = 2,     // parts: input; value: how to answer
+  answer = 3,  // parts: output, context, text of an error; value: what came of it
   wake = 4,    // a job comes soon. No answer
 };
-inline constexpr Duration kAwake{1'000'000};  // that a worker then looks for it before it sleeps again [ns]
-inline constexpr std::int64_t kAnswerDone = 0, kAnswerFailed = 1, kAnswerOutOfMemory = 2;
+inline constexpr std::int64_t kContextTravels = 1, kNoAnswer = 2;  // how to answer
+inline constexpr std::int64_t kAnswerDone = 0, kAnswerFailed = 1, kAnswerOutOfMemory = 2,
+                              kAnswerNoContext = 3;  // what came of it
+inline constexpr Duration kAwake{1'000'000};         // that a worker then looks for it before it sleeps again [ns]
 
 }  // namespace oriel
