@@ -24,6 +24,7 @@ enum class Mishap {
   stops,
   sleeps,
   exits,
+  forks,  // a child that stays
   spins
 };
 
@@ -62,6 +63,7 @@ struct Sums {
     ++context.jobs;  // before anything goes wrong
     context.sum *= 1.0000001;
     for (const double v : in.values) context.sum += context.factor * v;
+    if (in.mishap == Mishap::fails) return Error{ErrorCode::bad_input, "the lens is missing"};
     cause(in);
     Output out;
     out.jobs = context.jobs;
@@ -111,6 +113,12 @@ struct Sums {
         return;
       case Mishap::exits:
         ::_exit(3);
+      case Mishap::forks:
+        if (::fork() == 0) {
+          ::pause();
+          ::_exit(0);
+        }
+        return;
       case Mishap::spins:
         for (;;) std::atomic_signal_fence(std::memory_order_seq_cst);
     }
@@ -133,6 +141,26 @@ struct UniqueContext : TravellingContext {
   std::vector<bool> cache;
 };
 
+// Can travel and cannot be copied.
+struct MovingContext : TravellingContext {
+  MovingContext() = default;
+  MovingContext(MovingContext&&) = default;
+  MovingContext& operator=(MovingContext&&) = default;
+  template <class Visit>
+  void transfer(Visit&& visit) {
+    visit(factor, sum, jobs);
+  }
+};
+// Cannot be copied any more after two jobs.
+struct BrittleContext : TravellingContext {
+  BrittleContext() = default;
+  BrittleContext(const BrittleContext& other) : TravellingContext(other) {
+    if (jobs >= 2) throw std::runtime_error("one copy too many");
+  }
+  BrittleContext& operator=(const BrittleContext&) = default;
+  std::vector<bool> cache;
+};
+
 struct TravellingSums : Sums<TravellingContext> {
   static constexpr const char* kName = "sums";
 };
@@ -142,12 +170,21 @@ struct StayingSums : Sums<StayingContext> {
 struct UniqueSums : Sums<UniqueContext> {
   static constexpr const char* kName = "unique_sums";
 };
+struct MovingSums : Sums<MovingContext> {
+  static constexpr const char* kName = "moving_sums";
+};
+struct BrittleSums : Sums<BrittleContext> {
+  static constexpr const char* kName = "brittle_sums";
+};
+static_assert(kTaskOps<MovingSums>.context_travels && !std::copy_constructible<MovingContext>);
 static_assert(Task<TravellingSums> && Task<StayingSums> && Task<UniqueSums>);
 static_assert(kTaskOps<TravellingSums>.context_travels);
 static_assert(!kTaskOps<StayingSums>.context_travels && !kTaskOps<UniqueSums>.context_travels);
 
 inline Zygote test_zygote() {
-  return Zygote::start({&kTaskOps<TravellingSums>, &kTaskOps<StayingSums>, &kTaskOps<UniqueSums>}).value();
+  return Zygote::start({&kTaskOps<TravellingSums>, &kTaskOps<StayingSums>, &kTaskOps<UniqueSums>, &kTaskOps<MovingSums>,
+                        &kTaskOps<BrittleSums>})
+      .value();
 }
 
 }  // namespace oriel::testing_run

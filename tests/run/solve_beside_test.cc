@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <iostream>
@@ -175,6 +176,53 @@ TEST(SolveBeside, AgreesOnWhatWasHeldForTheTimeOfASolve) {
     EXPECT_NEAR(graph.value(p[1]).p[0], 1.0, 1e-6);
     EXPECT_NEAR(graph.value(p[1]).p[2], released ? 1.0 : 0.0, 1e-6);
   }
+}
+
+// Draws a point to x = 3, and once takes its time for it.
+struct Slow {
+  static constexpr std::string_view kName = "test.slow/1";
+  using Variables = Types<Point3d>;
+  static inline std::atomic<int> milliseconds{0};
+  double x;
+  template <class S>
+  Vec<S, 1> operator()(const Point3<S>& p) const {
+    if (const int ms = milliseconds.exchange(0); ms > 0) std::this_thread::sleep_for(std::chrono::milliseconds(ms));
+    return {{p.p[0] - S(x)}};
+  }
+};
+struct SlowTypes {
+  static constexpr const char* kName = "slow";
+  static TypeList types() { return TypeList().factor<Slow, IsotropicNoise>(); }
+};
+
+// R3: a thread that is still at a job that was given up refuses the next one; what was collected for that is not lost.
+TEST(SolveBeside, LosesNothingToAWorkerThatIsBusy) {
+  Graph graph;
+  GraphEdit edit = graph.edit();
+  std::vector<VariableId<Point3d>> p;
+  const auto add_point = [&] {
+    p.push_back(edit.add(Point3d{}));
+    edit.add(Slow{3.0}, Sigma(1.0), p.back());
+    ASSERT_TRUE(graph.apply(edit));
+    edit.clear();
+  };
+  add_point();
+  ExecutorOptions options;
+  options.time_limit = Duration::from_seconds(0.3);
+  auto beside = std::move(SolveBesideWith<SlowTypes>::start(graph, ExecutorKind::thread, options).value());
+  Slow::milliseconds = 900;
+  ASSERT_TRUE(beside.submit({}));
+  EXPECT_EQ(beside.write_back().status, JobStatus::timed_out);
+  add_point();
+  int refused = 0;
+  while (beside.submit({}).status == JobStatus::busy) {
+    ++refused;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  EXPECT_GT(refused, 0);
+  EXPECT_EQ(beside.write_back().status, JobStatus::done);
+  EXPECT_NEAR(graph.value(p[0]).p[0], 3.0, 1e-6);
+  EXPECT_NEAR(graph.value(p[1]).p[0], 3.0, 1e-6);
 }
 
 TEST(SolveBeside, SaysThatItIsBusyAndWhatAFailedJobWasAbout) {

@@ -43,8 +43,8 @@ class ProcessRunner final : public JobRunner {
     input_.swap(input);
     retries_ = options_.retries;
     restarted_ = anew_ = false;
-    if (alive_ && socket_.has_news()) end_worker();  // nothing was asked of it: it can only have gone
     began_ = Clock::now();
+    if (alive_ && socket_.has_news()) end_worker();  // nothing was asked of it: it can only have gone
     if (auto ok = send_job(); !ok) return lost(JobStatus::died, ok.error().text());
     return {job, JobStatus::accepted};
   }
@@ -171,7 +171,7 @@ class ProcessRunner final : public JobRunner {
     if (!alive_) return "has gone";
     alive_ = false;
     socket_.close();
-    return "was " + options_.zygote->end(pid_);
+    return "was " + options_.zygote->end(pid_, std::clamp(left(), Duration{20'000'000}, Zygote::kPatience));
   }
 
   const TaskOps& task_;

@@ -305,9 +305,9 @@ Result<Zygote::Worker> Zygote::spawn(const TaskOps& task, const WorkerLimits& li
   return Worker{static_cast<pid_t>(*answer), std::move(ends->first)};
 }
 
-std::string Zygote::end(pid_t worker) {
+std::string Zygote::end(pid_t worker, Duration limit) {
   const std::lock_guard lock(state_->mutex);
-  const auto status = state_->ask(head_of(ZygotePacket::end, worker), {}, -1, kPatience);
+  const auto status = state_->ask(head_of(ZygotePacket::end, worker), {}, -1, limit);
   return status ? text_of_status(static_cast<int>(*status)) : "lost: " + status.error().message;
 }
 

@@ -41,7 +41,7 @@ class Zygote {
   Result<Worker> spawn(const TaskOps& task, const WorkerLimits& limits, Duration limit = kPatience);
   // Ends a worker, with what it has forked, and waits until it is gone; how it ended, as text: "killed by signal 11
   // (Segmentation fault)".
-  std::string end(pid_t worker);
+  std::string end(pid_t worker, Duration limit = kPatience);
   // Ends one that nobody waits for any more: back at once, however long the system takes to have its memory again.
   void drop(pid_t worker);
 
