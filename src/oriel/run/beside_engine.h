@@ -37,7 +37,7 @@ class BesideEngineWith final : public Engine {
     if (report.status == JobStatus::accepted) report = beside_.write_back();
     restarts_ += report.restarted ? 1 : 0;
     if (report.status != JobStatus::done) return refused(options, Error{ErrorCode::io, report.message});
-    return summary_of(beside_.outcome(), options);
+    return beside_.summary();
   }
   double cost() noexcept override { return expected_contents(*graph_).cost; }
   Result<EngineContents> contents() noexcept override {

@@ -6,17 +6,24 @@
 
 namespace oriel {
 
-Summary summary_of(const SolveOutcome& outcome, const SolveOptions& options) {
-  Summary s;
-  s.reason = outcome.reason;
-  s.method = options.method;
-  s.iterations = outcome.iterations;
-  s.accepted = outcome.accepted;
-  s.rejected = outcome.iterations - outcome.accepted;
-  s.initial_cost = outcome.initial_cost;
-  s.final_cost = s.fresh_cost = outcome.final_cost;
-  s.lambda = outcome.state.lambda;
-  return s;
+void TravellingSummary::take(Summary&& of) {
+  summary = std::move(of);
+  linear_solver = summary.linear_solver;
+  summary.linear_solver = "";
+}
+
+// Of the names that engines here give; another one is lost.
+void TravellingSummary::give(Summary& to) const {
+  static constexpr const char* kNames[] = {"dense",
+                                           "multifrontal",
+                                           "landmark_schur+dense",
+                                           "landmark_schur+multifrontal",
+                                           "landmark_schur_panel+dense",
+                                           "landmark_schur_panel+multifrontal",
+                                           "landmark_schur+conjugate_gradient"};
+  to = summary;
+  for (const char* name : kNames)
+    if (linear_solver == name) to.linear_solver = name;
 }
 
 namespace run_detail {
@@ -73,7 +80,7 @@ Result<SolveOutput> SolveContext::solve(const SolveInput& input) {
   request->state.solved_version = s.engine.state().solved_version;
   request->state.order = s.edit.whole() ? input.order : s.engine.state().order;
   s.engine.restore(request->state);
-  const Summary summary = s.engine.solve(request->options);
+  Summary summary = s.engine.solve(request->options);
   s.sequence = input.sequence;
 
   SolveOutput out;
@@ -93,6 +100,7 @@ Result<SolveOutput> SolveContext::solve(const SolveInput& input) {
   if (input.wants_fingerprint) outcome.fingerprint = fingerprint(s.graph);
   append_outcome(out.outcome, outcome);
   out.order = s.engine.state().order;
+  out.summary.take(std::move(summary));
   return out;
 }
 
@@ -108,6 +116,7 @@ SolveOwner::SolveOwner(SolveOwner&& other) noexcept
       sequence_(other.sequence_),
       state_(other.state_),
       outcome_(other.outcome_),
+      summary_(std::move(other.summary_)),
       edit_(std::move(other.edit_)),
       input_(std::move(other.input_)),
       solution_(std::move(other.solution_)),
@@ -169,6 +178,7 @@ Result<void> SolveOwner::take(const SolveOutput& output) {
   if (!outcome) return outcome.error();
   outcome_ = *outcome;
   state_ = outcome_.state;
+  output.summary.give(summary_);
   state_.order = output.order;
   if (output.solution.empty()) return {};
   const auto solution = read_message(output.solution);

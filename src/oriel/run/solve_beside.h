@@ -26,10 +26,33 @@ struct SolveInput {
   EliminationOrder order;  // of a large graph, with the whole of it: the state that a worker before had reached
   bool wants_fingerprint = false;
 };
+// A summary that travels, whole.
+struct TravellingSummary {
+  Summary summary;
+  std::string linear_solver;  // by name: a summary only points to it
+
+  void take(Summary&& of);
+  void give(Summary& to) const;
+  template <class Visit>
+  void transfer(Visit&& visit) {
+    // Every field by name: one that is added to the struct and forgotten here does not compile.
+    auto& [reason, reason_value, reason_bound, refusal, method, iterations, accepted, rejected, linearizations,
+           initial_cost, final_cost, fresh_cost, gradient, predicted_gain, gain_open, lambda, factors, invalid_factors,
+           not_finite_factors, not_finite, kept_dim, landmark_dim, fronts, factor_flops, schur_flops, kernel_fallbacks,
+           name, linear_iterations, seconds, trace, undetermined, gauge] = summary;
+    static_cast<void>(name);
+    visit(reason, reason_value, reason_bound, refusal, method, iterations, accepted, rejected, linearizations,
+          initial_cost, final_cost, fresh_cost, gradient, predicted_gain, gain_open, lambda, factors, invalid_factors,
+          not_finite_factors, not_finite, kept_dim, landmark_dim, fronts, factor_flops, schur_flops, kernel_fallbacks,
+          linear_solver, linear_iterations, seconds, trace, undetermined, gauge);
+  }
+};
+
 struct SolveOutput {
   std::uint64_t version = 0;
   Bytes solution, outcome;
   EliminationOrder order;  // of a large graph
+  TravellingSummary summary;
 };
 
 namespace run_detail {
@@ -70,6 +93,7 @@ class SolveOwner {
   // The worker is not where it should be: it is told everything next time.
   void begin_anew();
   const SolveOutcome& outcome() const { return outcome_; }
+  const Summary& summary() const { return summary_; }
   const SolverState& state() const { return state_; }
 
  private:
@@ -85,6 +109,7 @@ class SolveOwner {
   std::uint64_t sequence_ = 0;
   SolverState state_;
   SolveOutcome outcome_;
+  Summary summary_;
   GraphEdit edit_;
   SolveInput input_;
   Solution solution_;
@@ -165,6 +190,7 @@ class SolveBesideWith {
   void want_fingerprints() { owner_.want_fingerprints(); }
   // Of the last solve that was written back.
   const SolveOutcome& outcome() const { return owner_.outcome(); }
+  const Summary& summary() const { return owner_.summary(); }
   const SolverState& state() const { return owner_.state(); }
   void terminate() { executor_.terminate(); }
 
@@ -189,8 +215,5 @@ class SolveBesideWith {
 };
 
 using SolveBeside = SolveBesideWith<ShippedTypes>;
-
-// What travelled of a summary: reason, iterations, costs. The rest has its defaults.
-Summary summary_of(const SolveOutcome& outcome, const SolveOptions& options);
 
 }  // namespace oriel

@@ -42,7 +42,7 @@ class WindowSolverWith final : public DeferredSolver {
   bool is_running() noexcept override { return beside_.is_running(); }
   Summary finish() noexcept override {
     const JobReport report = beside_.write_back();
-    if (report.status == JobStatus::done) return summary_of(beside_.outcome(), options_);
+    if (report.status == JobStatus::done) return beside_.summary();
     return refused(options_, Error{ErrorCode::io, report.message});
   }
 
