@@ -3,7 +3,8 @@
 //
 //     Snapshots<WindowPoses> board;
 //     board.publish([&](WindowPoses& out) { out.poses = ...; });    // the owner, after each update
-//     const auto now = board.read();                                // any thread: now->poses
+//     const auto now = board.read();                                // any thread: now->poses; not longer than the
+//     board
 //
 // Values are written in place, in slots that nobody reads: a value that keeps its memory asks for none. Whoever holds
 // what read() gave keeps its slot; while all slots but the newest are held, publish() says so and leaves the newest as

@@ -178,6 +178,7 @@ class ZygoteServer {
     const pid_t self = ::getpid(), pid = ::fork();
     if (pid < 0) return -errno;
     if (pid > 0) {
+      ended_.erase(pid), dropped_.erase(pid);  // of one that had the number before
       workers_.insert(pid);
       return pid;
     }
