@@ -83,19 +83,21 @@ TEST_F(ConfigCommand, FliesWithTheConfigOfThePage) {
 }
 
 // R1, R4
-TEST_F(ConfigCommand, FliesAWindowOfPartsTheSameWayInAllExecutorsWithAndWithoutWaitingForItsSolves) {
+TEST_F(ConfigCommand, FliesWindowsOfPartsTheSameWayInAllExecutorsWithAndWithoutWaitingForTheirSolves) {
   ASSERT_EQ(oriel("simulate " + path("flight") + " --seconds 6 --camera-rate 5 --tracks 40").exit_code, 0);
-  std::string first;
-  for (const std::string defer : {"false", "true"})
-    for (const std::string executor : {"inline", "thread", "process"}) {
-      const std::string config = write("w.yaml", "task: sliding_window\nexecutor: " + executor + "\ndefer: " + defer +
-                                                     "\nbuilders: [structureless]\n");
-      const CommandResult r = oriel("run " + path("flight") + " --config " + config + " --out " + path("out.tum"));
-      ASSERT_EQ(r.exit_code, 0) << r.err;
-      if (first.empty()) first = read(path("out.tum"));
-      EXPECT_GT(std::count(first.begin(), first.end(), '\n'), 20);
-      EXPECT_EQ(read(path("out.tum")), first) << executor << " defer " << defer;
-    }
+  for (const std::string parts : {"builders: [structureless]\n", "providers: [constant_velocity]\nhooks: [refine]\n"}) {
+    std::string first;
+    for (const std::string defer : {"false", "true"})
+      for (const std::string executor : {"inline", "thread", "process"}) {
+        const std::string config =
+            write("w.yaml", "task: sliding_window\nexecutor: " + executor + "\ndefer: " + defer + "\n" + parts);
+        const CommandResult r = oriel("run " + path("flight") + " --config " + config + " --out " + path("out.tum"));
+        ASSERT_EQ(r.exit_code, 0) << r.err;
+        if (first.empty()) first = read(path("out.tum"));
+        EXPECT_GT(std::count(first.begin(), first.end(), '\n'), 20) << parts;
+        EXPECT_EQ(read(path("out.tum")), first) << executor << " defer " << defer << " " << parts;
+      }
+  }
 }
 
 // What a recording has not, by the line of the part that needs it.
