@@ -75,6 +75,15 @@ void judge(const Recording& recording, const Trajectory& causal, const Trajector
     report.ate_final_m = error->position.rmse;
 }
 
+void report_refusals(const WindowCore& core, RunReport& report) {
+  const RefusedSolves& refused = core.refused_solves();
+  report.solves_refused = refused.count;
+  if (refused.count == 0) return;
+  const std::string solves =
+      refused.count == 1 ? "one solve was refused" : std::to_string(refused.count) + " solves were refused";
+  report.warnings.insert(report.warnings.begin(), solves + "; the first: " + refused.first);
+}
+
 void judge_times(std::vector<double>& milliseconds, RunReport& report) {
   std::sort(milliseconds.begin(), milliseconds.end());
   report.updates = static_cast<std::int64_t>(milliseconds.size());

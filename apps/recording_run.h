@@ -40,6 +40,8 @@ Result<void> place_solves(WindowCore& core, const SolvePlace& place, const Execu
 
 // Trajectories and their errors against the truth, if there is one.
 void judge(const Recording& recording, const Trajectory& causal, const Trajectory& final, RunReport& report);
+// How many of the window's solves were refused: with the words of the first, before all other warnings.
+void report_refusals(const WindowCore& core, RunReport& report);
 // Of the updates' times [ms], which it sorts.
 void judge_times(std::vector<double>& milliseconds, RunReport& report);
 

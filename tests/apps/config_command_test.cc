@@ -58,6 +58,8 @@ TEST_F(ConfigCommand, FliesAWindowThatTheConfigPutsTogether) {
   const nlohmann::json o = r.json();
   EXPECT_EQ(o["updates"], 100);
   EXPECT_EQ(o["coverage"], 1.0);
+  EXPECT_GT(o["frames_per_second"].get<double>(), 0.0);
+  EXPECT_EQ(o["solves_refused"], 0);
   EXPECT_EQ(o["states"], 99);  // it begins with the second frame
   EXPECT_LE(o["ate_m"].get<double>(), 0.05);
   for (const char* reason : {"outlier", "wrong_match", "uninitialised", "group_too_old"})
@@ -98,6 +100,22 @@ TEST_F(ConfigCommand, FliesWindowsOfPartsTheSameWayInAllExecutorsWithAndWithoutW
         EXPECT_EQ(read(path("out.tum")), first) << executor << " defer " << defer << " " << parts;
       }
   }
+}
+
+// R5: what a worker came to, in every task with a window, also where no start was found because of it.
+TEST_F(ConfigCommand, SaysWhatItsWorkersCameToAndHowManySolvesThatCost) {
+  ASSERT_EQ(oriel("simulate " + path("flight") + " --seconds 6 --camera-rate 5 --tracks 40").exit_code, 0);
+  for (const std::string task : {"inertial_odometry", "sliding_window"})
+    for (const std::string defer : {"false", "true"}) {
+      const std::string config =
+          write("late.yaml", "task: " + task + "\nexecutor: thread\ntime_limit: 1e-9\ndefer: " + defer + "\n");
+      const CommandResult r = oriel("run " + path("flight") + " --config " + config + " --json -");
+      ASSERT_FALSE(r.out.empty()) << r.err;
+      const nlohmann::json o = r.json();
+      EXPECT_GT(o["solves_refused"].get<int>(), 1) << task;
+      const auto warning = o["warnings"][0].get<std::string>();
+      EXPECT_EQ(warning.find(o["solves_refused"].dump() + " solves were refused; the first: not done "), 0u) << warning;
+    }
 }
 
 // What a recording has not, by the line of the part that needs it.

@@ -19,9 +19,9 @@ TEST_F(RunCommand, EstimatesTheWholeFlightAndReportsEveryKeyOfItsContract) {
   ASSERT_EQ(r.exit_code, 0) << r.err;
   const json o = r.json();
   ASSERT_TRUE(o.is_object()) << r.out;
-  for (const char* key :
-       {"recording", "duration_s", "states", "updates", "update_ms", "initialised_after_s", "coverage", "ate_m",
-        "ate_final_m", "ate_deg", "path_m", "dropped", "allocations_per_update", "peak_rss_mb", "warnings"})
+  for (const char* key : {"recording", "duration_s", "states", "updates", "solves_refused", "frames_per_second",
+                          "update_ms", "initialised_after_s", "coverage", "ate_m", "ate_final_m", "ate_deg", "path_m",
+                          "dropped", "allocations_per_update", "peak_rss_mb", "warnings"})
     EXPECT_TRUE(o.contains(key)) << key;
   for (const char* key : {"p50", "p99", "p999", "max"}) EXPECT_GT(o["update_ms"][key].get<double>(), 0.0) << key;
   EXPECT_EQ(o["updates"], 100);
