@@ -80,7 +80,7 @@ Result<void> refuse_options(const CLI::App& command, const RunConfig& config) {
       return Error{ErrorCode::bad_input,
                    std::string(option) + ": expected the task inertial_odometry, found " + config.task};
   if (config.defer && config.task == "two_frame")
-    return Error{ErrorCode::bad_input, "--defer (key `defer`): expected a task with a window, found two_frame"};
+    return Error{ErrorCode::bad_input, "--defer: expected a task with a window, found two_frame"};
   return {};
 }
 
