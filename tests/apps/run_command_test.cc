@@ -67,6 +67,20 @@ TEST_F(RunCommand, FliesAboutTheSameWayWithTheOtherEngine) {
   EXPECT_FALSE(std::filesystem::exists(path("ceres.journal")));
 }
 
+// The program with Ceres is linked with a BLAS, which may have threads before main has begun: no process is forked
+// then.
+TEST_F(RunCommand, SaysWhatToDoWhereALibraryHasMadeThreads) {
+  if (!std::filesystem::exists(std::string(ORIEL_COMMAND) + "-ceres")) return;
+  const std::string run = ORIEL_COMMAND "-ceres run " + recording() + " --executor process --json -";
+  const CommandResult one = shell("OPENBLAS_NUM_THREADS=1 " + run);
+  EXPECT_EQ(one.exit_code, 0) << one.err;
+  const CommandResult many = shell("OPENBLAS_NUM_THREADS=2 " + run);
+  if (many.exit_code == 0) return;  // another BLAS, or one core
+  EXPECT_EQ(many.exit_code, 2);
+  EXPECT_EQ(std::count(many.err.begin(), many.err.end(), '\n'), 1) << many.err;
+  EXPECT_NE(many.err.find("is told not to by OPENBLAS_NUM_THREADS=1)"), std::string::npos) << many.err;
+}
+
 // W17
 TEST_F(RunCommand, WarnsOfAWindowThatBeganAnewWithItsReason) {
   ASSERT_EQ(oriel("simulate " + path("flight") +
