@@ -55,6 +55,17 @@ Result<void> place_solves(WindowCore& core, const SolvePlace& place, const Execu
   return place.engine == "native" ? Result<void>{} : core.use(make_engine(place.engine, core.followed()));
 }
 
+Result<std::optional<Zygote>> zygote_for(ExecutorKind executor, const TaskOps& task) {
+  if (executor != ExecutorKind::process) return std::optional<Zygote>();
+  Result<Zygote> zygote = Zygote::start({&task});
+  if (zygote) return std::optional<Zygote>(std::move(*zygote));
+  Error error = zygote.error();
+  if (error.code == ErrorCode::conflict)
+    error.message +=
+        " (a library that makes threads before main, as OpenBLAS does, is told not to by OPENBLAS_NUM_THREADS=1)";
+  return error;
+}
+
 void judge(const Recording& recording, const Trajectory& causal, const Trajectory& final, RunReport& report) {
   report.causal = tum_of(causal);
   report.final = tum_of(final);
@@ -73,6 +84,15 @@ void judge(const Recording& recording, const Trajectory& causal, const Trajector
   if (const auto error =
           absolute_error(report.final, truth, nearest_stamps(report.final, truth, kMaxStampDifference), Alignment::se3))
     report.ate_final_m = error->position.rmse;
+}
+
+void report_refusals(const WindowCore& core, RunReport& report) {
+  const RefusedSolves& refused = core.refused_solves();
+  report.solves_refused = refused.count;
+  if (refused.count == 0) return;
+  const std::string solves =
+      refused.count == 1 ? "one solve was refused" : std::to_string(refused.count) + " solves were refused";
+  report.warnings.insert(report.warnings.begin(), solves + "; the first: " + refused.first);
 }
 
 void judge_times(std::vector<double>& milliseconds, RunReport& report) {

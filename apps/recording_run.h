@@ -1,6 +1,7 @@
 // What all who run a recording share: its sensors as the library has them, measurements in their order, the judgement.
 #pragma once
 #include <algorithm>
+#include <optional>
 #include <vector>
 
 #include "apps/run_recording.h"
@@ -38,8 +39,14 @@ struct SolvePlace {
 };
 Result<void> place_solves(WindowCore& core, const SolvePlace& place, const ExecutorOptions& worker);
 
+// What workers are forked from, where the executor is a process: to be had before there is anything that a worker would
+// inherit. None where it is not.
+Result<std::optional<Zygote>> zygote_for(ExecutorKind executor, const TaskOps& task);
+
 // Trajectories and their errors against the truth, if there is one.
 void judge(const Recording& recording, const Trajectory& causal, const Trajectory& final, RunReport& report);
+// How many of the window's solves were refused: with the words of the first, before all other warnings.
+void report_refusals(const WindowCore& core, RunReport& report);
 // Of the updates' times [ms], which it sorts.
 void judge_times(std::vector<double>& milliseconds, RunReport& report);
 

@@ -5,13 +5,13 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
-#include <optional>
 
 #include "apps/arguments.h"
 #include "apps/command.h"
 #include "apps/commands.h"
 #include "apps/engine_choice.h"
 #include "apps/landmark_option.h"
+#include "apps/recording_run.h"
 #include "apps/run_recording.h"
 #include "apps/run_window.h"
 #include "apps/track_recording.h"
@@ -42,12 +42,8 @@ RunConfigReading settings(const CLI::App& command, const RunArguments& a) {
 Result<int> run_and_report(const RunConfig& config, const RunArguments& a) {
   for (const std::string& target : {a.json, a.out, a.journal})
     if (auto ok = check_target(target); !ok) return ok.error();
-  std::optional<Zygote> zygote;
-  if (config.executor == ExecutorKind::process) {  // before there is anything that a worker would inherit
-    auto started = Zygote::start({&SolveBeside::kTask});
-    if (!started) return started.error();
-    zygote = std::move(*started);
-  }
+  auto zygote = zygote_for(config.executor, SolveBeside::kTask);
+  if (!zygote) return zygote.error();
   const Result<Recording> recording = read_recording(a.recording);
   if (!recording) return recording.error();
   RunOptions options;
@@ -56,7 +52,7 @@ Result<int> run_and_report(const RunConfig& config, const RunArguments& a) {
   options.executor = config.executor;
   options.defer = config.defer;
   options.front_end_ms = a.front_end_ms;
-  options.worker = worker_options(config, zygote ? &*zygote : nullptr);
+  options.worker = worker_options(config, *zygote ? &**zygote : nullptr);
   options.journal = a.journal;
   options.progress = ::isatty(STDERR_FILENO) == 1;
   const bool general = config.task == "sliding_window";
@@ -80,7 +76,7 @@ Result<void> refuse_options(const CLI::App& command, const RunConfig& config) {
       return Error{ErrorCode::bad_input,
                    std::string(option) + ": expected the task inertial_odometry, found " + config.task};
   if (config.defer && config.task == "two_frame")
-    return Error{ErrorCode::bad_input, "--defer (key `defer`): expected a task with a window, found two_frame"};
+    return Error{ErrorCode::bad_input, "--defer: expected a task with a window, found two_frame"};
   return {};
 }
 

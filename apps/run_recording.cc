@@ -148,6 +148,7 @@ class Run {
       report_.dropped.emplace_back(kDropReasonNames[k], odometry_.dropped()[k]);
     report_.peak_rss_mb = peak_rss_mb();
     if (frames_after_ == 0) warn(fmt::format("never initialised: {}", last_.reason));
+    report_refusals(odometry_.window(), report_);
   }
 
   const Recording& recording_;

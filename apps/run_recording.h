@@ -27,7 +27,8 @@ struct RunReport {
   double duration_s = 0.0;  // from the first frame to the last
   std::int64_t states = 0;  // frames with an estimate
   std::int64_t updates = 0;
-  double frames_per_second = 0.0;  // of everything, the front end included
+  std::int64_t solves_refused = 0;  // by an engine that cannot, or because their worker was lost
+  double frames_per_second = 0.0;   // of everything, the front end included
   double update_ms_p50 = 0.0, update_ms_p99 = 0.0, update_ms_p999 = 0.0, update_ms_max = 0.0;
   double initialised_after_s = 0.0;  // NaN: never
   double coverage = 0.0;             // share of the frames after initialisation that have an estimate

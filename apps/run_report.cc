@@ -16,6 +16,7 @@ std::string to_json(const RunReport& r) {
       {"duration_s", r.duration_s},
       {"states", r.states},
       {"updates", r.updates},
+      {"solves_refused", r.solves_refused},
       {"frames_per_second", r.frames_per_second},
       {"update_ms",
        {{"p50", r.update_ms_p50}, {"p99", r.update_ms_p99}, {"p999", r.update_ms_p999}, {"max", r.update_ms_max}}},

@@ -43,6 +43,7 @@ class WindowRun {
   }
 
   RunReport operator()() {
+    const auto began = std::chrono::steady_clock::now();
     for (const RecordedFrame& frame : recording_.frames) {
       feed_imu(recording_, frame.time, next_imu_, [this](const ImuSample& s) {
         if (auto ok = window_.add(s); !ok) warn(ok.error().text());
@@ -52,8 +53,10 @@ class WindowRun {
         std::fprintf(stderr, "\r%s: frame %zu of %zu, %.2f ms  ", recording_.name.c_str(), milliseconds_.size(),
                      recording_.frames.size(), milliseconds_.back());
     }
-    if (progress_) std::fputs("\n", stderr);
     if (window_.has_begun()) take(window_.window().settle(), recording_.frames.back());
+    report_.frames_per_second = static_cast<double>(recording_.frames.size()) /
+                                std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+    if (progress_) std::fputs("\n", stderr);
     summarize();
     return std::move(report_);
   }
@@ -87,12 +90,17 @@ class WindowRun {
     marginal_invalid_ += update.slide.dropped_invalid;
     if (update.reset[0] != '\0') warn(fmt::format("frame {}: the window began anew: {}", frame.number, update.reset));
     if (update.status == WindowUpdate::Status::solve_failed)
-      warn(fmt::format("frame {}: the solve failed {}", frame.number, update.solve.refusal));
+      warn(fmt::format("frame {}: the solve failed: {}", frame.number, why(update)));
     if (update.status == WindowUpdate::Status::slide_failed)
       warn(fmt::format("frame {}: nothing could leave the window: {}", frame.number, update.error.message));
     if (update.waiting > 0 && !waits_)
       warn(fmt::format("frame {}: no motion reaches it yet; it waits, and what comes after it", frame.number));
     waits_ = update.waiting > 0;
+  }
+
+  static std::string why(const WindowUpdate& update) {
+    if (!update.solve.refusal.empty()) return update.solve.refusal;
+    return update.solve.failed() ? update.solve.reason_text() : update.error.message;  // the latter: none was begun
   }
 
   void warn(std::string text) {
@@ -121,6 +129,7 @@ class WindowRun {
       report_.dropped.emplace_back(std::string("group_") + kRefusalNames[k], groups);
     }
     report_.peak_rss_mb = peak_rss_mb();
+    report_refusals(window_.window().core(), report_);
   }
 
   // Of the frames since it began.

@@ -25,8 +25,6 @@ RunConfigReading settings(const CLI::App& command, const TrackArguments& a) {
   if (reading.errors.empty() && c.task != "two_frame")
     reading.errors.push_back(
         {ErrorCode::bad_input, "expected the task two_frame; oriel run takes the others", a.config});
-  if (reading.errors.empty() && c.engine != "native")
-    reading.errors.push_back({ErrorCode::bad_input, "expected the engine native for the task two_frame", a.config});
   if (command.count("--executor") > 0) c.executor = *executor_kind(a.executor);
   if (command.count("--residual") > 0) c.two_frame.residual = *match_residuals().find(a.residual);
   if (command.count("--coordinates") > 0) c.two_frame.coordinates = *match_coordinates().find(a.coordinates);

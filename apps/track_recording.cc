@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <optional>
 
 #include "apps/command.h"
 #include "apps/recording_rig.h"
@@ -90,16 +89,12 @@ Result<TrackReport> track_recording(const Recording& recording, const RunConfig&
 Result<int> track_and_report(const RunConfig& config, const std::string& folder, const TrackTargets& targets) {
   for (const std::string& target : {targets.json, targets.out, targets.map})
     if (auto ok = check_target(target); !ok) return ok.error();
-  std::optional<Zygote> zygote;
-  if (config.executor == ExecutorKind::process) {  // before there is anything that a worker would inherit
-    auto started = Zygote::start({&kTaskOps<TwoFrameTask>});
-    if (!started) return started.error();
-    zygote = std::move(*started);
-  }
+  auto zygote = zygote_for(config.executor, kTaskOps<TwoFrameTask>);
+  if (!zygote) return zygote.error();
   const Result<Recording> recording = read_any_recording(folder);
   if (!recording) return recording.error();
   const Result<TrackReport> report =
-      track_recording(*recording, config, zygote ? &*zygote : nullptr, ::isatty(STDERR_FILENO) == 1);
+      track_recording(*recording, config, *zygote ? &**zygote : nullptr, ::isatty(STDERR_FILENO) == 1);
   if (!report) return report.error();
   if (!targets.out.empty())
     if (auto ok = write_tum(targets.out, report->trajectory); !ok) return ok.error();

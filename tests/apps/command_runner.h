@@ -44,9 +44,10 @@ class CommandTest : public testing::Test {
     return text.str();
   }
 
-  CommandResult oriel(const std::string& arguments) const {
+  CommandResult oriel(const std::string& arguments) const { return shell(ORIEL_COMMAND " " + arguments); }
+  CommandResult shell(const std::string& line) const {
     const std::string out = path("stdout"), err = path("stderr");
-    const int status = std::system((ORIEL_COMMAND " " + arguments + " >" + out + " 2>" + err).c_str());
+    const int status = std::system((line + " >" + out + " 2>" + err).c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read(out), read(err)};
   }
 

@@ -58,6 +58,8 @@ TEST_F(ConfigCommand, FliesAWindowThatTheConfigPutsTogether) {
   const nlohmann::json o = r.json();
   EXPECT_EQ(o["updates"], 100);
   EXPECT_EQ(o["coverage"], 1.0);
+  EXPECT_GT(o["frames_per_second"].get<double>(), 0.0);
+  EXPECT_EQ(o["solves_refused"], 0);
   EXPECT_EQ(o["states"], 99);  // it begins with the second frame
   EXPECT_LE(o["ate_m"].get<double>(), 0.05);
   for (const char* reason : {"outlier", "wrong_match", "uninitialised", "group_too_old"})
@@ -83,18 +85,36 @@ TEST_F(ConfigCommand, FliesWithTheConfigOfThePage) {
 }
 
 // R1, R4
-TEST_F(ConfigCommand, FliesAWindowOfPartsTheSameWayInAllExecutorsWithAndWithoutWaitingForItsSolves) {
+TEST_F(ConfigCommand, FliesWindowsOfPartsTheSameWayInAllExecutorsWithAndWithoutWaitingForTheirSolves) {
   ASSERT_EQ(oriel("simulate " + path("flight") + " --seconds 6 --camera-rate 5 --tracks 40").exit_code, 0);
-  std::string first;
-  for (const std::string defer : {"false", "true"})
-    for (const std::string executor : {"inline", "thread", "process"}) {
-      const std::string config = write("w.yaml", "task: sliding_window\nexecutor: " + executor + "\ndefer: " + defer +
-                                                     "\nbuilders: [structureless]\n");
-      const CommandResult r = oriel("run " + path("flight") + " --config " + config + " --out " + path("out.tum"));
-      ASSERT_EQ(r.exit_code, 0) << r.err;
-      if (first.empty()) first = read(path("out.tum"));
-      EXPECT_GT(std::count(first.begin(), first.end(), '\n'), 20);
-      EXPECT_EQ(read(path("out.tum")), first) << executor << " defer " << defer;
+  for (const std::string parts : {"builders: [structureless]\n", "providers: [constant_velocity]\nhooks: [refine]\n"}) {
+    std::string first;
+    for (const std::string defer : {"false", "true"})
+      for (const std::string executor : {"inline", "thread", "process"}) {
+        const std::string config =
+            write("w.yaml", "task: sliding_window\nexecutor: " + executor + "\ndefer: " + defer + "\n" + parts);
+        const CommandResult r = oriel("run " + path("flight") + " --config " + config + " --out " + path("out.tum"));
+        ASSERT_EQ(r.exit_code, 0) << r.err;
+        if (first.empty()) first = read(path("out.tum"));
+        EXPECT_GT(std::count(first.begin(), first.end(), '\n'), 20) << parts;
+        EXPECT_EQ(read(path("out.tum")), first) << executor << " defer " << defer << " " << parts;
+      }
+  }
+}
+
+// R5: what a worker came to, in every task with a window, also where no start was found because of it.
+TEST_F(ConfigCommand, SaysWhatItsWorkersCameToAndHowManySolvesThatCost) {
+  ASSERT_EQ(oriel("simulate " + path("flight") + " --seconds 6 --camera-rate 5 --tracks 40").exit_code, 0);
+  for (const std::string task : {"inertial_odometry", "sliding_window"})
+    for (const std::string defer : {"false", "true"}) {
+      const std::string config =
+          write("late.yaml", "task: " + task + "\nexecutor: thread\ntime_limit: 1e-9\ndefer: " + defer + "\n");
+      const CommandResult r = oriel("run " + path("flight") + " --config " + config + " --json -");
+      ASSERT_FALSE(r.out.empty()) << r.err;
+      const nlohmann::json o = r.json();
+      EXPECT_GT(o["solves_refused"].get<int>(), 1) << task;
+      const auto warning = o["warnings"][0].get<std::string>();
+      EXPECT_EQ(warning.find(o["solves_refused"].dump() + " solves were refused; the first: not done "), 0u) << warning;
     }
 }
 

@@ -46,7 +46,9 @@ TEST_F(DeferOption, IsRefusedWithOneLineWhereNothingCanBeDeferred) {
   refused("--defer --journal " + path("flight.journal"), "--journal: expected solves that are waited for");
   EXPECT_FALSE(std::filesystem::exists(path("flight.journal")));
   const std::string config = write("two.yaml", "task: two_frame\nexecutor: inline\ndefer: true\n");
-  refused("--config " + config, "--defer (key `defer`): expected a task with a window, found two_frame");
+  refused("--config " + config, "two.yaml:3: expected a task with a window where solves are deferred, found two_frame");
+  const std::string waits = write("waits.yaml", "task: two_frame\nexecutor: inline\n");
+  refused("--defer --config " + waits, "--defer: expected a task with a window, found two_frame");
   if (std::filesystem::exists(std::string(ORIEL_COMMAND) + "-ceres"))
     refused("--defer --engine ceres", "--defer: expected the engine native, found ceres");
 }

@@ -19,9 +19,9 @@ TEST_F(RunCommand, EstimatesTheWholeFlightAndReportsEveryKeyOfItsContract) {
   ASSERT_EQ(r.exit_code, 0) << r.err;
   const json o = r.json();
   ASSERT_TRUE(o.is_object()) << r.out;
-  for (const char* key :
-       {"recording", "duration_s", "states", "updates", "update_ms", "initialised_after_s", "coverage", "ate_m",
-        "ate_final_m", "ate_deg", "path_m", "dropped", "allocations_per_update", "peak_rss_mb", "warnings"})
+  for (const char* key : {"recording", "duration_s", "states", "updates", "solves_refused", "frames_per_second",
+                          "update_ms", "initialised_after_s", "coverage", "ate_m", "ate_final_m", "ate_deg", "path_m",
+                          "dropped", "allocations_per_update", "peak_rss_mb", "warnings"})
     EXPECT_TRUE(o.contains(key)) << key;
   for (const char* key : {"p50", "p99", "p999", "max"}) EXPECT_GT(o["update_ms"][key].get<double>(), 0.0) << key;
   EXPECT_EQ(o["updates"], 100);
@@ -65,6 +65,20 @@ TEST_F(RunCommand, FliesAboutTheSameWayWithTheOtherEngine) {
   EXPECT_EQ(journal.exit_code, 2);
   EXPECT_NE(journal.err.find("--journal: expected --engine native"), std::string::npos) << journal.err;
   EXPECT_FALSE(std::filesystem::exists(path("ceres.journal")));
+}
+
+// The program with Ceres is linked with a BLAS, which may have threads before main has begun: no process is forked
+// then.
+TEST_F(RunCommand, SaysWhatToDoWhereALibraryHasMadeThreads) {
+  if (!std::filesystem::exists(std::string(ORIEL_COMMAND) + "-ceres")) return;
+  const std::string run = ORIEL_COMMAND "-ceres run " + recording() + " --executor process --json -";
+  const CommandResult one = shell("OPENBLAS_NUM_THREADS=1 " + run);
+  EXPECT_EQ(one.exit_code, 0) << one.err;
+  const CommandResult many = shell("OPENBLAS_NUM_THREADS=2 " + run);
+  if (many.exit_code == 0) return;  // another BLAS, or one core
+  EXPECT_EQ(many.exit_code, 2);
+  EXPECT_EQ(std::count(many.err.begin(), many.err.end(), '\n'), 1) << many.err;
+  EXPECT_NE(many.err.find("is told not to by OPENBLAS_NUM_THREADS=1)"), std::string::npos) << many.err;
 }
 
 // W17

@@ -86,7 +86,7 @@ TEST(WindowConfig, NamesEveryFaultOfItsPartsWithFileAndLine) {
               "expected_tracks, expected_states",
               "w.yaml:11: expected a number from 0 to 1e+12 for `builders.tracks.gate`, found '-1'",
               "w.yaml:12: expected the key `name` in a part of `builders`",
-              "w.yaml:13: expected a list of parts under `hooks`",
+              "w.yaml:13: expected a list of parts under `hooks`, found 'cheirality'",
               "w.yaml:11: expected one of this window's providers (constant_velocity, constant_velocity) for "
               "`builders.tracks.states`, found 'imu'"}));
 }
@@ -97,7 +97,11 @@ TEST(WindowConfig, NamesPartsThatDoNotFitEachOther) {
             (Faults{"w.yaml:6: the hook standstill: expected an IMU as provider"}));
   EXPECT_EQ(faults("window: {policy: {name: lag, min_states: 9, max_states: 4}}\n"),
             (Faults{"w.yaml:3: the policy lag: max_states = 4 is less than min_states = 9"}));
-  EXPECT_EQ(faults("providers: []\n"), (Faults{"a window needs a provider"}));
+  EXPECT_EQ(faults("window: {keep_prior: true}\nproviders: []\n"), (Faults{"w.yaml:4: a window needs a provider"}));
+  EXPECT_EQ(faults("builders: []\n"), (Faults{"w.yaml:3: a window needs a builder"}));
+  // A part that is there by default has no line but that of the task.
+  EXPECT_EQ(faults("providers: [constant_velocity]\n"),
+            (Faults{"w.yaml:1: the hook standstill: expected an IMU as provider"}));
   // Of another task it is not put together.
   EXPECT_TRUE(parse_run_config("task: two_frame\nexecutor: inline\nproviders: []\n", "w.yaml").errors.empty());
 }

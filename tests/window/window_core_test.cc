@@ -20,6 +20,18 @@ struct Watcher final : WindowObserver {
   void solved(const SolveOptions&, const SolverState&, const Summary&, const NativeEngine&) override { ++solves; }
 };
 
+// Whose worker is lost: the first solve is begun and not finished, the second not begun.
+struct Lost final : DeferredSolver {
+  int begun = 0;
+  std::string_view name() const override { return "lost"; }
+  Result<void> begin(const SolveOptions&) noexcept override {
+    if (begun++ == 0) return {};
+    return Error{ErrorCode::io, "no worker is left"};
+  }
+  bool is_running() noexcept override { return false; }
+  Summary finish() noexcept override { return refused({}, Error{ErrorCode::io, "killed by signal 9 (Killed)"}); }
+};
+
 // x_0 known, and a chain of steps (1, 0.5) from it.
 struct Chain {
   WindowCore window;
@@ -90,6 +102,20 @@ TEST(WindowCore, IsEmptyAfterItWasCleared) {
   ASSERT_TRUE(chain.window.clear().ok());
   EXPECT_EQ(chain.window.graph().variable_count(), 0u);
   EXPECT_EQ(chain.window.graph().factor_count(), 0u);
+}
+
+// R5
+TEST(WindowCore, CountsTheSolvesThatWereRefusedAndKeepsTheWordsOfTheFirst) {
+  Chain chain;
+  chain.grow();
+  ASSERT_TRUE(chain.window.solve({}).converged());
+  EXPECT_EQ(chain.window.refused_solves().count, 0);
+  ASSERT_TRUE(chain.window.defer_to(std::make_unique<Lost>()).ok());
+  ASSERT_TRUE(chain.window.begin_solve({}).ok());
+  EXPECT_EQ(chain.window.finish_solve().reason, Reason::refused);
+  EXPECT_FALSE(chain.window.begin_solve({}).ok());
+  EXPECT_EQ(chain.window.refused_solves().count, 2);
+  EXPECT_EQ(chain.window.refused_solves().first, "killed by signal 9 (Killed)");
 }
 
 }  // namespace

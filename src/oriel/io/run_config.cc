@@ -8,14 +8,21 @@
 namespace oriel {
 namespace io_detail {
 
-void read_setting(const setting::Kind& kind, void* options, const YAML::Node& node, const std::string& path,
-                  const NameTable<NamedLoss>& losses, ConfigFaults& faults) {
-  const std::string text = node.IsScalar() ? node.Scalar() : "";
-  std::string expected = set_setting(kind, options, text, losses);
+std::string found(const YAML::Node& node) {
+  if (node.IsNull()) return ", found nothing";
+  return ", found " + (node.IsScalar() ? quote_token(node.Scalar()) : std::string("a list or a map"));
+}
+
+void read_setting(const setting::Kind& kind, void* options, const YAML::Node& key, const YAML::Node& node,
+                  const std::string& path, const NameTable<NamedLoss>& losses, SettingLines& lines,
+                  ConfigFaults& faults) {
+  const YAML::Node& at = place_of(key, node);
+  const std::int64_t line = lines[path] = ConfigFaults::line_of(at);
+  std::string expected = set_setting(kind, options, node.IsScalar() ? node.Scalar() : "", losses);
   if (expected.empty() && node.IsScalar()) return;
   if (expected.empty()) expected = "a name";
-  faults.add(node, "expected " + expected + " for `" + path + "`, found " +
-                       (node.IsScalar() ? quote_token(text) : std::string("a list or a map")));
+  lines[path] = -line;
+  faults.add(at, "expected " + expected + " for `" + path + "`" + found(node));
 }
 
 void print_setting(std::string& out, const std::string& indent, const std::string& name, const setting::Kind& kind,
@@ -47,12 +54,15 @@ class Reader {
         parts_(out.config.window, names, file, faults_) {}
 
   void read(const YAML::Node& top) {
-    if (!top.IsMap()) return faults_.add(top, "expected a map of keys and values");
+    const std::int64_t first = std::max<std::int64_t>(1, ConfigFaults::line_of(top));  // of an empty file as well
+    if (!top.IsMap()) return faults_.add(first, "expected a map of keys and values" + found(top));
     section(top, "");
     for (const ConfigKey& key : keys_)
       if (key.required && seen_.count(full(key.section, key.name)) == 0)
-        faults_.add(top, "expected the key `" + full(key.section, key.name) + "`, found none");
+        faults_.add(first, "expected the key `" + full(key.section, key.name) + "`, found none");
     parts_.check_references();
+    check_orders(settings(), faults_);
+    check_place(config_, lines_, faults_);
     config_.window.initialisation = config_.odometry.initialisation;
     if (errors_.empty() && config_.task == "sliding_window") put_together();
   }
@@ -68,7 +78,8 @@ class Reader {
         faults_.add(item.first, "the key `" + path + "` stands twice");
       else if (name.empty() && is_section(key))
         item.second.IsMap() ? section(item.second, key)
-                            : faults_.add(item.second, "expected a map of keys under `" + key + "`");
+                            : faults_.add(place_of(item.first, item.second),
+                                          "expected a map of keys under `" + key + "`" + found(item.second));
       else
         value(item.first, item.second, name, key);
     }
@@ -78,20 +89,37 @@ class Reader {
     SensorSuite all;
     all.has_imu = all.has_odometry = all.has_positions = true;
     all.cameras = 2;
-    if (const auto window = AssembledWindow::make(config_.window, names_, all); !window)
-      errors_.push_back(window.error());
+    const auto window = AssembledWindow::make(config_.window, names_, all);
+    if (window) return;
+    if (!window.error().file.empty()) return errors_.push_back(window.error());
+    // Of a list that is empty, or of a part that is there by default.
+    const WindowPlan& plan = config_.window;
+    const char* key = plan.providers.empty() ? "providers" : plan.builders.empty() ? "builders" : "task";
+    faults_.add(lines_[key], window.error().message);
+  }
+  // All that there are, with their lines.
+  std::vector<SettingRead> settings() {
+    std::vector<SettingRead> all;
+    const auto add = [&](const std::string& path, const setting::Kind& kind, void* options) {
+      const auto line = lines_.find(path);
+      all.push_back({path, &kind, options, line == lines_.end() ? 0 : line->second});
+    };
+    for (const ConfigKey& key : keys_) add(full(key.section, key.name), key.kind, &config_);
+    for (auto& [task, options] : config_.own)
+      for (const Setting& s : names_.tasks.get(task)->settings) add(full(task, s.name), s.kind, options.data());
+    return all;
   }
   void value(const YAML::Node& at, const YAML::Node& node, const std::string& section, const std::string& name) {
     const std::string path = full(section, name);
-    if (section == "window" && name == "policy") return parts_.read_policy(node);
-    if (section.empty() && parts_.read_list(node, name)) return;
+    if (section == "window" && name == "policy") return parts_.read_policy(at, node);
+    if (section.empty() && parts_.read_list(at, node, name)) return void(lines_[name] = ConfigFaults::line_of(at));
     for (const ConfigKey& key : keys_)
       if (section == key.section && name == key.name)
-        return read_setting(key.kind, &config_, node, path, names_.losses, faults_);
+        return read_setting(key.kind, &config_, at, node, path, names_.losses, lines_, faults_);
     for (auto& [task, options] : config_.own)
       for (const Setting& s : names_.tasks.get(task)->settings)
         if (section == task && name == s.name)
-          return read_setting(s.kind, options.data(), node, path, names_.losses, faults_);
+          return read_setting(s.kind, options.data(), at, node, path, names_.losses, lines_, faults_);
     faults_.add(at, "unknown key " + quote_token(path) + "; expected " + known(section));
   }
   bool is_section(const std::string& name) const {
@@ -122,7 +150,16 @@ class Reader {
   std::vector<ConfigKey> keys_;
   PartsReader parts_;
   std::set<std::string> seen_;
+  SettingLines lines_;
 };
+
+// Who looks at a section: those of other tasks may stand there, and nobody does.
+std::string tasks_of(const std::string& section) {
+  if (section == "window") return "Of the task sliding_window.";
+  if (section == "two_frame") return "Of the task two_frame.";
+  if (section == "initialisation") return "Of the task inertial_odometry, and of the provider imu of sliding_window.";
+  return "Of the task inertial_odometry.";
+}
 
 }  // namespace
 
@@ -131,6 +168,7 @@ ExecutorOptions worker_options(const RunConfig& config, Zygote* zygote) {
   o.zygote = zygote;
   o.time_limit = config.time_limit;
   o.limits.memory_bytes = config.memory_limit_mb * 1'000'000;
+  o.limits.cpu_seconds = config.cpu_limit_s;
   o.spin = config.spin;
   o.retries = config.retries;
   o.retry_late = config.retry_late;
@@ -147,7 +185,7 @@ RunConfig default_run_config(const RunNames& names) {
 
 RunConfigReading parse_run_config(std::string text, const std::string& name, const RunNames& names) {
   RunConfigReading out{default_run_config(names), {}};
-  const auto top = parse_yaml(std::move(text), name);
+  const auto top = parse_only_document(std::move(text), name);
   if (top)
     Reader(out, name, names).read(*top);
   else
@@ -165,12 +203,12 @@ std::string run_config_text(const RunConfig& config, const RunNames& names) {
   RunConfig c = config;
   std::string out, section;
   for (const ConfigKey& key : run_config_keys(names)) {
-    if (section != key.section) out += "\n" + (section = key.section) + ":\n";
+    if (section != key.section) out += "\n# " + tasks_of(section = key.section) + "\n" + section + ":\n";
     print_setting(out, section.empty() ? "" : "  ", key.name, key.kind, &c, key.unit, key.sentence, names);
   }
   out += policy_text(config.window, names) + parts_text(config.window, names);
   for (auto& [task, options] : c.own) {
-    out += "\n" + task + ":\n";
+    out += "\n# Of the task " + task + ".\n" + task + ":\n";
     for (const Setting& s : names.tasks.get(task)->settings)
       print_setting(out, "  ", s.name, s.kind, options.data(), s.unit, s.sentence, names);
   }

@@ -16,6 +16,7 @@ struct RunConfig {
   ExecutorKind executor = ExecutorKind::in_place;
   Duration time_limit{0};             // of a job [ns]; 0: none
   std::uint64_t memory_limit_mb = 0;  // of a worker's process; 0: none
+  std::uint64_t cpu_limit_s = 0;      // of a worker's process, in all its jobs [s]; 0: none
   Duration spin{0};                   // that a wait for a result looks for it before it sleeps [ns]
   int retries = 3;                    // of a job whose worker was lost,
   bool retry_late = false;            // and of one that was not done within time_limit
@@ -38,10 +39,10 @@ ExecutorOptions worker_options(const RunConfig& config, Zygote* zygote);
 // With the defaults of the tasks that bring settings, and the parts that a window has by default.
 RunConfig default_run_config(const RunNames& names);
 
-// The config, checked whole: wrong types, numbers out of their range, unknown names, missing and unknown keys, each an
-// error with file and line; a window is put together, for sensors of all kinds, to see whether its parts fit. Empty
-// errors: all is well. The keys `task` and `executor` must be there; all others have
-// defaults.
+// The config, checked whole: wrong types, numbers out of their range or their order, unknown names, missing and unknown
+// keys, an engine or executor that the task cannot have, each an error with file and line; a window is put together,
+// for sensors of all kinds, to see whether its parts fit. Empty errors: all is well. The keys `task` and `executor`
+// must be there; all others have defaults. Sections of other tasks are checked and have no effect.
 struct RunConfigReading {
   RunConfig config;
   std::vector<Error> errors;

@@ -19,6 +19,8 @@ const ConfigKey kKeys[] = {
      "A job that takes longer is given up; 0: none."},
     {"", "memory_limit", Count{[](RunConfig& c) -> std::uint64_t& { return c.memory_limit_mb; }}, "MB",
      "Address space of a worker's process; 0: no limit."},
+    {"", "cpu_limit", Count{[](RunConfig& c) -> std::uint64_t& { return c.cpu_limit_s; }, 1'000'000'000}, "s",
+     "CPU time of a worker's process in all its jobs, after which it is ended; 0: no limit."},
     {"", "spin", Seconds{[](RunConfig& c) -> Duration& { return c.spin; }, true}, "s",
      "How long a wait for a result looks for it before it sleeps: a core that sleeps is some 0.1 ms late."},
     {"", "retries", Whole{[](RunConfig& c) -> int& { return c.retries; }, 0, 1000}, "-",

@@ -58,16 +58,17 @@ void print_list(std::string& out, const char* key, const std::vector<PartChoice>
 
 }  // namespace
 
-bool PartsReader::read_list(const YAML::Node& node, const std::string& key) {
+bool PartsReader::read_list(const YAML::Node& at, const YAML::Node& node, const std::string& key) {
   const bool providers = key == "providers", builders = key == "builders";
   if (!providers && !builders && key != "hooks") return false;
   const NameTable<WindowPart>& table = providers ? names_.providers : builders ? names_.builders : names_.hooks;
   std::vector<PartChoice>& out = providers ? plan_.providers : builders ? plan_.builders : plan_.hooks;
   out.clear();
-  if (!node.IsSequence()) return faults_.add(node, "expected a list of parts under `" + key + "`"), true;
+  if (!node.IsSequence())
+    return faults_.add(place_of(at, node), "expected a list of parts under `" + key + "`" + found(node)), true;
   for (const YAML::Node& item : node) {
     PartChoice part;
-    if (!read_part(item, key, table, part)) continue;
+    if (!read_part(at, item, key, table, part)) continue;
     if (key != "hooks" && has(out, part.name))
       faults_.add(item, "two of kind " + table.what() + " are named '" + part.name + "'");
     out.push_back(std::move(part));
@@ -75,12 +76,13 @@ bool PartsReader::read_list(const YAML::Node& node, const std::string& key) {
   return true;
 }
 
-void PartsReader::read_policy(const YAML::Node& node) {
+void PartsReader::read_policy(const YAML::Node& at, const YAML::Node& node) {
   PartChoice part;
-  if (read_part(node, "window.policy", names_.policies, part)) plan_.policy = std::move(part);
+  if (read_part(at, node, "window.policy", names_.policies, part)) plan_.policy = std::move(part);
 }
 
-std::string PartsReader::name_of(const YAML::Node& node, const std::string& path, const NameTable<WindowPart>& table) {
+std::string PartsReader::name_of(const YAML::Node& at, const YAML::Node& node, const std::string& path,
+                                 const NameTable<WindowPart>& table) {
   YAML::Node name = node;
   if (node.IsMap()) {
     name.reset(YAML::Node());
@@ -88,7 +90,9 @@ std::string PartsReader::name_of(const YAML::Node& node, const std::string& path
       if (key_text(item.first) == "name") name.reset(item.second);
     if (!name.IsScalar()) return faults_.add(node, "expected the key `name` in a part of `" + path + "`"), "";
   } else if (!node.IsScalar()) {
-    return faults_.add(node, "expected a name, or a map with the key `name`, under `" + path + "`"), "";
+    return faults_.add(place_of(at, node),
+                       "expected a name, or a map with the key `name`, under `" + path + "`" + found(node)),
+           "";
   }
   if (table.get(name.Scalar()) != nullptr) return name.Scalar();
   faults_.add(name,
@@ -96,9 +100,9 @@ std::string PartsReader::name_of(const YAML::Node& node, const std::string& path
   return "";
 }
 
-bool PartsReader::read_part(const YAML::Node& node, const std::string& path, const NameTable<WindowPart>& table,
-                            PartChoice& out) {
-  out.name = name_of(node, path, table);
+bool PartsReader::read_part(const YAML::Node& at, const YAML::Node& node, const std::string& path,
+                            const NameTable<WindowPart>& table, PartChoice& out) {
+  out.name = name_of(at, node, path, table);
   if (out.name.empty()) return false;
   out.options = table.get(out.name)->defaults;
   out.file = file_;
@@ -111,13 +115,15 @@ void PartsReader::read_settings(const YAML::Node& map, const std::string& path, 
                                 PartChoice& out) {
   const WindowPart& part = *table.get(out.name);
   std::set<std::string> seen;
+  SettingLines lines;
   for (const auto& item : map) {
     const std::string key = key_text(item.first);
     const Setting* s = setting_of(part, key);
     if (!seen.insert(key).second) {
       faults_.add(item.first, "the key `" + path + "." + key + "` stands twice");
     } else if (s != nullptr) {
-      read_setting(s->kind, out.options.data(), item.second, path + "." + key, names_.losses, faults_);
+      read_setting(s->kind, out.options.data(), item.first, item.second, path + "." + key, names_.losses, lines,
+                   faults_);
       if (const auto* r = std::get_if<setting::Reference>(&s->kind); r != nullptr && item.second.IsScalar())
         referred_.push_back({r->to, item.second.Scalar(), path + "." + key, ConfigFaults::line_of(item.second)});
     } else if (key != "name") {
@@ -125,6 +131,10 @@ void PartsReader::read_settings(const YAML::Node& map, const std::string& path, 
                                   owners(table, key) + "; expected " + known(part));
     }
   }
+  std::vector<SettingRead> all;
+  for (const Setting& s : part.settings)
+    all.push_back({path + "." + s.name, &s.kind, out.options.data(), lines[path + "." + s.name]});
+  check_orders(all, faults_);
 }
 
 void PartsReader::check_references() {
@@ -140,7 +150,7 @@ void PartsReader::check_references() {
 }
 
 std::string parts_text(const WindowPlan& plan, const RunNames& names) {
-  std::string out;
+  std::string out = "\n# Of the task sliding_window: what it is put together from.";
   print_list(out, "providers", plan.providers, names.providers, names);
   print_list(out, "builders", plan.builders, names.builders, names);
   print_list(out, "hooks", plan.hooks, names.hooks, names);

@@ -1,6 +1,7 @@
 // Reading one map of settings of a config after the other, all faults collected. Private to run_config*.cc.
 #pragma once
 #include <algorithm>
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -35,9 +36,32 @@ inline std::string key_text(const YAML::Node& key) {
   return shown && !text.empty() && text.size() <= 60 ? text : "?";
 }
 
-// Sets what a node says; a fault where that is none. `path`: of messages, "visual.gate".
-void read_setting(const setting::Kind& kind, void* options, const YAML::Node& node, const std::string& path,
-                  const NameTable<NamedLoss>& losses, ConfigFaults& faults);
+// Where it stands: what says nothing has no place of its own, but its key has.
+inline const YAML::Node& place_of(const YAML::Node& key, const YAML::Node& value) {
+  return value.IsNull() ? key : value;
+}
+// ", found a list or a map"
+std::string found(const YAML::Node& node);
+
+// Lines by the path of a key ("visual.gate"), negative where what stands there was a fault.
+using SettingLines = std::map<std::string, std::int64_t>;
+
+// Sets what a node says; a fault where that is none. `path`: of messages, "visual.gate". Its line is kept in `lines`.
+void read_setting(const setting::Kind& kind, void* options, const YAML::Node& key, const YAML::Node& node,
+                  const std::string& path, const NameTable<NamedLoss>& losses, SettingLines& lines,
+                  ConfigFaults& faults);
+
+// A setting as it is after reading; line 0: by default.
+struct SettingRead {
+  std::string path;
+  const setting::Kind* kind;
+  void* options;
+  std::int64_t line;
+};
+// That what is least is not greater than what is greatest.
+void check_orders(const std::vector<SettingRead>& settings, ConfigFaults& faults);
+// That the task can be run where it is said to be.
+void check_place(const RunConfig& config, const SettingLines& lines, ConfigFaults& faults);
 
 // A comment and a line.
 void print_setting(std::string& out, const std::string& indent, const std::string& name, const setting::Kind& kind,
@@ -49,8 +73,8 @@ class PartsReader {
   PartsReader(WindowPlan& plan, const RunNames& names, const std::string& file, ConfigFaults& faults)
       : plan_(plan), names_(names), file_(file), faults_(faults) {}
   // False: the key is none of these.
-  bool read_list(const YAML::Node& node, const std::string& key);
-  void read_policy(const YAML::Node& node);
+  bool read_list(const YAML::Node& at, const YAML::Node& node, const std::string& key);
+  void read_policy(const YAML::Node& at, const YAML::Node& node);
   // That each name that a part refers to is there.
   void check_references();
 
@@ -60,10 +84,12 @@ class PartsReader {
     std::string name, path;
     std::int64_t line;
   };
-  bool read_part(const YAML::Node& node, const std::string& path, const NameTable<WindowPart>& table, PartChoice& out);
+  bool read_part(const YAML::Node& at, const YAML::Node& node, const std::string& path,
+                 const NameTable<WindowPart>& table, PartChoice& out);
   void read_settings(const YAML::Node& map, const std::string& path, const NameTable<WindowPart>& table,
                      PartChoice& out);
-  std::string name_of(const YAML::Node& node, const std::string& path, const NameTable<WindowPart>& table);
+  std::string name_of(const YAML::Node& at, const YAML::Node& node, const std::string& path,
+                      const NameTable<WindowPart>& table);
 
   WindowPlan& plan_;
   const RunNames& names_;

@@ -38,15 +38,16 @@ struct Set {
   std::string operator()(const Count& c) const {
     std::int64_t x = 0;
     if (parse_integer(text, x) != NumberFault::none || x < 0 || static_cast<std::uint64_t>(x) > c.greatest)
-      return c.greatest == Count::kMost ? "a whole number that is not negative"
-                                        : "a whole number from 0 to " + std::to_string(c.greatest);
+      return "a whole number from 0 to " + std::to_string(c.greatest);
     c.at(options) = static_cast<std::uint64_t>(x);
     return {};
   }
   std::string operator()(const Seconds& s) const {
     double x = 0.0;
-    if (parse_number(text, x) != NumberFault::none || x < 0.0 || x > 1e9 || (x == 0.0 && !s.may_be_zero))
-      return s.may_be_zero ? "a number of seconds, or 0" : "a positive number of seconds";
+    const bool zero = parse_number(text, x) == NumberFault::none && x == 0.0 && s.may_be_zero;
+    // Less would be 0 in nanoseconds.
+    if (!zero && (parse_number(text, x) != NumberFault::none || x < 1e-9 || x > 1e9))
+      return std::string(s.may_be_zero ? "0, or " : "") + "a number of seconds from 1e-09 to 1e+09";
     s.at(options) = Duration::from_seconds(x);
     return {};
   }

@@ -16,6 +16,21 @@ Result<YAML::Node> parse_yaml(std::string text, const std::string& file_name) {
   }
 }
 
+Result<YAML::Node> parse_only_document(std::string text, const std::string& file_name) {
+  try {
+    const std::vector<YAML::Node> all = YAML::LoadAll(text);
+    if (all.size() < 2) return all.empty() ? YAML::Node() : all[0];
+    std::int64_t line = all[1].Mark().line + 1;
+    if (all[1].IsNull()) {  // it has no place but that of its mark
+      const std::size_t mark = std::min(text.size(), text.rfind("\n---"));
+      line = 2 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(mark), '\n');
+    }
+    return Error{ErrorCode::bad_input, "expected one YAML document, found a second", file_name, line};
+  } catch (const YAML::Exception& e) {
+    return Error{ErrorCode::bad_input, "expected YAML: " + e.msg, file_name, e.mark.line + 1};
+  }
+}
+
 YamlFields::YamlFields(const YAML::Node& map, std::string file_name, std::string context)
     : map_(map), file_name_(std::move(file_name)), context_(std::move(context)) {
   if (!map_.IsMap()) fail_at(map_, "expected a map of keys and values");

@@ -15,6 +15,8 @@ namespace oriel::io_detail {
 
 // The document in a text; a syntax error is an Error with its line. OpenCV's `%YAML:1.0` first line is passed over.
 Result<YAML::Node> parse_yaml(std::string text, const std::string& file_name);
+// The same of a text that must have no second document.
+Result<YAML::Node> parse_only_document(std::string text, const std::string& file_name);
 
 // Getters return false after the first fault, and error() says what it was; later calls do nothing.
 class YamlFields {

@@ -4,15 +4,24 @@
 
 #include "oriel/manifold/bal_camera.h"
 #include "oriel/manifold/inverse_depth.h"
+#include "oriel/manifold/pinhole_intrinsics.h"
+#include "oriel/manifold/positive.h"
 #include "oriel/manifold/se2.h"
 #include "oriel/manifold/se3.h"
+#include "oriel/manifold/sim3.h"
 #include "oriel/manifold/so3.h"
+#include "oriel/manifold/unit_vector.h"
 #include "oriel/manifold/vector.h"
 #include "oriel/residual/bal.h"
 #include "oriel/residual/between.h"
 #include "oriel/residual/body_velocity.h"
+#include "oriel/residual/calibrated_reprojection.h"
+#include "oriel/residual/constant_velocity.h"
+#include "oriel/residual/direction.h"
 #include "oriel/residual/gnss.h"
 #include "oriel/residual/imu_residual.h"
+#include "oriel/residual/landmark2.h"
+#include "oriel/residual/landmark3.h"
 #include "oriel/residual/matched_point.h"
 #include "oriel/residual/noise.h"
 #include "oriel/residual/pose_graph.h"
@@ -20,6 +29,7 @@
 #include "oriel/residual/range.h"
 #include "oriel/residual/registration.h"
 #include "oriel/residual/reprojection.h"
+#include "oriel/residual/sim3.h"
 #include "oriel/residual/structureless_track.h"
 #include "oriel/sensor/stereo_rig.h"
 
@@ -37,35 +47,55 @@ template <class... R>
 void add_each(TypeList& types) {
   (add<R>(types), ...);
 }
+template <class... R>
+void add_isotropic(TypeList& types) {
+  (types.factor<R, IsotropicNoise>(), ...);
+}
 
 template <int... N>
+void add_vectors(TypeList& types, std::integer_sequence<int, N...>) {
+  add_each<Prior<VectorNd<N + 1>>...>(types);
+}
+template <int... N>
 void add_tracks(TypeList& types, std::integer_sequence<int, N...>) {
-  (types.factor<StructurelessTrack<N + 2>, IsotropicNoise>(), ...);
+  add_isotropic<StructurelessTrack<N + 2>...>(types);
+}
+
+void add_priors(TypeList& types) {
+  add_each<Prior<Point2d>, Prior<Point3d>, Prior<Velocity3d>, Prior<ImuBiasd>, Prior<Rot2d>, Prior<Rot3d>,
+           Prior<Pose2d>, Prior<Pose3d>, Prior<Sim3d>, Prior<UnitVector3d>, Prior<Positived>, Prior<InverseDepthd>,
+           Prior<BalCamerad>, Prior<PinholeIntrinsicsd>>(types);
+  add_each<Between<Point2d>, Between<Point3d>, Between<Velocity3d>, Between<ImuBiasd>, Between<Rot2d>, Between<Rot3d>,
+           Between<Pose2d>, Between<Pose3d>, Between<Sim3d>>(types);
+  add_vectors(types, std::make_integer_sequence<int, 9>{});
+}
+
+void add_cameras(TypeList& types) {
+  types.variable<RadTanCamerad>().variable<StereoRigd>();
+  add_isotropic<BalReprojectiond, CalibratedReprojectiond>(types);
+  add_isotropic<StereoReprojection<double>, MonoReprojection<double, 0>, MonoReprojection<double, 1>>(types);
+  add_isotropic<AnchorReprojection<double>>(types);
+  add_isotropic<StereoPointReprojection<double>, MonoPointReprojection<double, 0>, MonoPointReprojection<double, 1>>(
+      types);
+  add_tracks(types, std::make_integer_sequence<int, detail::kMostTrackViews - 1>{});
+  types.factor<MatchedPixeld, FullNoise<2>>().factor<MatchedDisparityd, FullNoise<3>>();
+  types.factor<MatchedStereod, FullNoise<4>>();
 }
 
 }  // namespace
 
 TypeList shipped_types() {
   TypeList types;
-  types.variable<Point2d>().variable<Point3d>().variable<Rot2d>().variable<Rot3d>();
-  add_each<Prior<Point2d>, Prior<Point3d>, Prior<Velocity3d>, Prior<ImuBiasd>, Prior<Rot3d>, Prior<Pose2d>,
-           Prior<Pose3d>, Prior<InverseDepthd>>(types);
-  add_each<Between<Point3d>, Between<Rot3d>, Between<Pose2d>, Between<Pose3d>>(types);
+  add_priors(types);
   add_each<PoseGraphEdge2d, PoseGraphEdge3d, PoseGraphEdgeLog3d>(types);
+  add_each<Sighting2d, Bearing2d, Range2d, BearingRange2d, Sighting3d>(types);
   add_each<GnssPositiond, BodyVelocityd>(types);
-  types.factor<RangeToPointd, IsotropicNoise>().factor<RangeToBeacond, IsotropicNoise>();
+  add_isotropic<RangeToPointd, RangeToBeacond, DirectionToPointd>(types);
   types.factor<ImuResiduald, FullNoise<ResidualTraits<ImuResiduald>::kDim>>();
-  types.factor<BalReprojectiond, IsotropicNoise>();
-  types.factor<StereoReprojection<double>, IsotropicNoise>();
-  types.factor<MonoReprojection<double, 0>, IsotropicNoise>().factor<MonoReprojection<double, 1>, IsotropicNoise>();
-  types.factor<AnchorReprojection<double>, IsotropicNoise>();
-  types.factor<StereoPointReprojection<double>, IsotropicNoise>();
-  types.factor<MonoPointReprojection<double, 0>, IsotropicNoise>();
-  types.factor<MonoPointReprojection<double, 1>, IsotropicNoise>();
-  add_tracks(types, std::make_integer_sequence<int, detail::kMostTrackViews - 1>{});
+  types.factor<ConstantVelocityd, FullNoise<9>>();
+  add_cameras(types);
   types.factor<PointToPointd, IsotropicNoise>().factor<PointToPointd, FullNoise<3>>();
-  types.factor<MatchedPixeld, FullNoise<2>>().factor<MatchedDisparityd, FullNoise<3>>();
-  types.factor<MatchedStereod, FullNoise<4>>();
+  add_isotropic<PointToPlaned, PointToLined>(types);
   return types;
 }
 

@@ -54,20 +54,29 @@ Result<void> WindowCore::defer_to(std::unique_ptr<DeferredSolver> solver) {
 }
 
 Result<void> WindowCore::begin_solve(const SolveOptions& options) {
-  if (auto ok = deferred_->begin(options); !ok) return ok;
+  if (auto ok = deferred_->begin(options); !ok) {
+    note_refusal(ok.error().message);
+    return ok;
+  }
   begun_ = true;
   return {};
 }
 
 Summary WindowCore::finish_solve() {
   begun_ = false;
-  return deferred_->finish();
+  Summary summary = deferred_->finish();
+  if (summary.reason == Reason::refused) note_refusal(summary.refusal);
+  return summary;
+}
+
+void WindowCore::note_refusal(const std::string& why) {
+  if (refused_.count++ == 0) refused_.first = why;
 }
 
 Summary WindowCore::solve(const SolveOptions& options) {
-  if (solver_ != nullptr) return solver_->solve(options);
-  const SolverState before = engine_.state();
-  Summary summary = engine_.solve(options);
+  const SolverState before = solver_ != nullptr ? SolverState{} : engine_.state();
+  Summary summary = solver_ != nullptr ? solver_->solve(options) : engine_.solve(options);
+  if (summary.reason == Reason::refused) note_refusal(summary.refusal);
   if (observer_ != nullptr) observer_->solved(options, before, summary, engine_);
   return summary;
 }

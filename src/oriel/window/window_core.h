@@ -4,6 +4,7 @@
 #pragma once
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "oriel/graph/graph.h"
@@ -21,6 +22,12 @@ class WindowObserver {
   virtual void edited() = 0;  // an edit was applied to the graph
   virtual void solved(const SolveOptions& options, const SolverState& before, const Summary& summary,
                       const NativeEngine& engine) = 0;
+};
+
+// Solves that could not be done where they should be: a worker that is lost, an engine that cannot.
+struct RefusedSolves {
+  std::int64_t count = 0;
+  std::string first;  // what the first one came to
 };
 
 class WindowCore {
@@ -45,6 +52,8 @@ class WindowCore {
   bool has_begun() const { return begun_; }  // a solve that is not finished
   Result<void> begin_solve(const SolveOptions& options);
   Summary finish_solve();
+  // Of all solves so far, also where whoever asked for them went on without.
+  const RefusedSolves& refused_solves() const { return refused_; }
   // For those who subscribe to its changes (Graph::subscribe).
   Graph& followed() { return graph_; }
 
@@ -74,6 +83,7 @@ class WindowCore {
   Result<void> clear();
 
  private:
+  void note_refusal(const std::string& why);
   void find_overflowing(const FactorTable& table, std::vector<FactorId>& found);
 
   Graph graph_;
@@ -85,6 +95,7 @@ class WindowCore {
   std::unique_ptr<Engine> solver_;  // null: the native one
   std::unique_ptr<DeferredSolver> deferred_;
   bool begun_ = false;
+  RefusedSolves refused_;
 };
 
 }  // namespace oriel
