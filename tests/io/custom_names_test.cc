@@ -1,4 +1,5 @@
-// A task and a loss of one's own, named by a config (the task as tests/run/custom_task_test.cc has it).
+// A task and a loss of one's own in a config: their settings, their faults, and how they are printed. (The shortest
+// task is in tests/run/custom_task_test.cc.)
 #include <gtest/gtest.h>
 
 #include "oriel/io/run_config.h"

@@ -1,10 +1,11 @@
-// A task of one's own, in place, in a thread or in a child process.
+// A task of one's own, named by a config, in place, in a thread or in a child process. This file is all that it takes.
 #include <gtest/gtest.h>
 
-#include "oriel/run/executor.h"
+#include "oriel/io/run_config.h"
 
-namespace oriel {
 namespace {
+
+using namespace oriel;  // NOLINT(google-build-using-namespace): as a user would write it
 
 // A smoothed track: what the caller has, what the work is told and answers, what it keeps from job to job.
 struct Smoothing {
@@ -35,20 +36,23 @@ struct Smoothing {
   static void write(const Output& out, Map& map) { map.smooth = out.smooth; }
 };
 
-// R1: the word of a config decides where it runs.
-TEST(CustomTask, RunsWhereAWordSays) {
-  Zygote zygote = Zygote::start({&kTaskOps<Smoothing>}).value();  // first line of main
-  ExecutorOptions options;
-  options.zygote = &zygote;
-  for (const char* word : {"inline", "thread", "process"}) {
-    auto executor = Executor<Smoothing>::start(executor_kind(word).value(), {0.5}, options).value();
-    Smoothing::Map map;
-    map.raw = {1.0, 1.0, 1.0};
-    ASSERT_TRUE(executor.submit(Smoothing().collect(map)));  // at once, and the caller goes on
-    ASSERT_TRUE(executor.write_back(map));
-    EXPECT_EQ(map.smooth, (std::vector<double>{0.5, 0.75, 0.875})) << word;
+// R1, R9: the words of a config decide what runs, and where.
+TEST(CustomTask, RunsWhereAConfigSays) {
+  const setting::Real gain{setting::member<&Smoothing::Config::gain>, 0.0, 1.0};
+  RunNames names = shipped_names();
+  ASSERT_TRUE(names.tasks.add("smoothing", named_task<Smoothing>("A mean.", {{"gain", gain, "-", "Of the news."}})));
+  Zygote zygote = Zygote::start({names.tasks.get("smoothing")->worker}).value();  // first line of main
+  for (const std::string executor : {"inline", "thread", "process"}) {
+    const std::string yaml = "task: smoothing\nexecutor: " + executor + "\nsmoothing: {gain: 0.25}\n";
+    const auto [config, errors] = parse_run_config(yaml, "mine.yaml", names);
+    ASSERT_TRUE(errors.empty()) << errors[0];
+    const auto& options = config.options_of<Smoothing::Config>(config.task);
+    auto run = Executor<Smoothing>::start(config.executor, options, worker_options(config, &zygote)).value();
+    Smoothing::Map map{{1.0, 1.0, 1.0}, {}};
+    ASSERT_TRUE(run.submit(Smoothing().collect(map)));  // at once, and the caller goes on
+    ASSERT_TRUE(run.write_back(map));
+    EXPECT_EQ(map.smooth, (std::vector<double>{0.25, 0.4375, 0.578125})) << executor;
   }
 }
 
 }  // namespace
-}  // namespace oriel

@@ -2,7 +2,7 @@
 // a window of its own adds it to a copy, and hands that to whoever reads the config (io/run_config.h).
 //
 //   RunNames names = shipped_names();
-//   names.losses.add("saturating", {CustomLoss<Saturating>(1.0), "At most c^2."}).value();
+//   if (auto ok = names.losses.add("saturating", {CustomLoss<Saturating>(1.0), "At most c^2."}); !ok) return ok;
 #pragma once
 #include <memory>
 #include <vector>
