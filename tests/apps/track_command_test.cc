@@ -79,6 +79,10 @@ TEST_F(TrackCommand, RefusesInOneLineWhatItCannotTake) {
   write("ceres.yaml", "task: two_frame\nexecutor: inline\nengine: ceres\n");
   EXPECT_NE(refusal("track " + recording() + " --config " + path("ceres.yaml")).find("expected the engine native"),
             std::string::npos);
+  write("defer.yaml", "task: two_frame\nexecutor: inline\ndefer: true\n");
+  EXPECT_NE(refusal("track " + recording() + " --config " + path("defer.yaml"))
+                .find("defer.yaml:3: expected a task with a window where solves are deferred"),
+            std::string::npos);
   write("few.yaml", "task: two_frame\nexecutor: inline\ntwo_frame:\n  least_observations: 2\n");
   EXPECT_NE(refusal("track " + recording() + " --config " + path("few.yaml"))
                 .find("few.yaml:4: expected a whole number from 3 to 100000 for `two_frame.least_observations`"),
