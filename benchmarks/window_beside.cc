@@ -1,6 +1,7 @@
-// What a window's updates take whose solves run beside it, over those that solve in place: visual-inertial odometry in
-// a simulated world, the same frames for all, in blocks that take turns. Values after each frame have the same bits, or
-// it is no comparison.
+// What it costs that a window's solves run beside it: visual-inertial odometry in a simulated world. First the round
+// trips of its edits, with a solve that takes no step, so that what is seen is the way there and back; then whole
+// updates over those that solve in place, the same frames for all, in blocks that take turns. Values after each frame
+// have the same bits, or it is no comparison.
 //
 //   window_beside [FRAMES [FRAMES_A_SECOND [SPIN_MS]]]     frames come at that rate (0: one right after the other), and
 //                                                          cores sleep in between; ExecutorOptions::spin
@@ -69,6 +70,66 @@ void run_block(Side& side, std::span<const Frame> frames, bool counts, Clock::du
   }
 }
 
+// What changes in the window's graph from frame to frame, as messages.
+std::vector<Bytes> edits_of(const SimulatedWorld& world, const std::vector<Frame>& frames, const OdometryOptions& o) {
+  InertialOdometry odometry(world.rig(), true, world.options().imu.noise, o);
+  Graph& graph = odometry.window().followed();
+  const Subscription subscription = graph.subscribe();
+  GraphEdit edit;
+  std::vector<Bytes> out;
+  for (const Frame& frame : frames) {
+    for (const ImuSample& sample : frame.imu) static_cast<void>(odometry.add_imu(sample));
+    odometry.update({frame.stamp, frame.features});
+    graph.collect(subscription, edit);
+    append_edit(out.emplace_back(), edit);
+  }
+  graph.unsubscribe(subscription);
+  return out;
+}
+
+// Of each edit the time from submit to the end of write_back [us]; empty where something is refused.
+std::vector<double> round_trips(Zygote& zygote, ExecutorKind kind, const std::vector<Bytes>& edits, Duration spin,
+                                std::size_t warm_up) {
+  Graph graph;
+  GraphEdit edit;
+  ExecutorOptions options;
+  options.zygote = &zygote;
+  options.spin = spin;
+  auto beside = SolveBeside::start(graph, kind, options);
+  SolveOptions no_step;
+  no_step.max_iterations = 0;
+  const TypeList types = shipped_types();
+  std::vector<double> us;
+  for (std::size_t k = 0; beside && k < edits.size(); ++k) {
+    const auto message = read_message(edits[k]);
+    if (!message || !read_edit(*message, types, graph, edit) || !graph.apply(edit)) return {};
+    const auto begin = Clock::now();
+    if (!beside->submit(no_step)) return {};
+    if (beside->write_back().status != JobStatus::done) return {};
+    if (k >= warm_up) us.push_back(std::chrono::duration<double, std::micro>(Clock::now() - begin).count());
+  }
+  return us;
+}
+
+int compare_round_trips(Zygote& zygote, const std::vector<Bytes>& edits, Duration spin, std::size_t warm_up) {
+  std::size_t bytes = 0;
+  for (std::size_t k = warm_up; k < edits.size(); ++k) bytes += edits[k].size();
+  std::printf("round trips of a window's edits, %zu bytes each, one right after the other\n",
+              bytes / (edits.size() - warm_up));
+  std::printf("%10s %10s %10s %26s\n", "executor", "p50 [us]", "p99 [us]", "over inline, p50 of frames");
+  std::vector<double> in_place;
+  for (const ExecutorKind kind : {ExecutorKind::in_place, ExecutorKind::thread, ExecutorKind::process}) {
+    const std::vector<double> us = round_trips(zygote, kind, edits, spin, warm_up);
+    if (us.empty()) return std::fprintf(stderr, "window_beside: an edit was refused\n"), 1;
+    if (in_place.empty()) in_place = us;
+    std::vector<double> over;
+    for (std::size_t i = 0; i < us.size(); ++i) over.push_back(us[i] - in_place[i]);
+    std::printf("%10s %10.0f %10.0f %26.0f\n", name_of(kind).c_str(), share(us, 0.5), share(us, 0.99),
+                share(over, 0.5));
+  }
+  return 0;
+}
+
 int compare(Zygote& zygote, int count, double rate, Duration spin) {
   constexpr int kWarmUp = 5 * kBlock;
   SimulatedWorldOptions options;
@@ -81,10 +142,12 @@ int compare(Zygote& zygote, int count, double rate, Duration spin) {
                              {"inline", ExecutorKind::in_place, true, {}, {}, {}},
                              {"thread", ExecutorKind::thread, true, {}, {}, {}},
                              {"process", ExecutorKind::process, true, {}, {}, {}}}};
+  OdometryOptions o;
+  o.keep_trajectory = false;
+  o.keyframes.expected_tracks = options.cameras.tracks;
+  if (const int failed = compare_round_trips(zygote, edits_of(*world, frames, o), spin, kWarmUp); failed != 0)
+    return failed;
   for (Side& side : sides) {
-    OdometryOptions o;
-    o.keep_trajectory = false;
-    o.keyframes.expected_tracks = options.cameras.tracks;
     side.odometry = std::make_unique<InertialOdometry>(world->rig(), true, options.imu.noise, o);
     ExecutorOptions worker;
     worker.zygote = &zygote;

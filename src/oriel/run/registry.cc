@@ -13,7 +13,6 @@
 #include "oriel/manifold/unit_vector.h"
 #include "oriel/manifold/vector.h"
 #include "oriel/residual/bal.h"
-#include "oriel/residual/between.h"
 #include "oriel/residual/body_velocity.h"
 #include "oriel/residual/calibrated_reprojection.h"
 #include "oriel/residual/constant_velocity.h"
@@ -23,51 +22,23 @@
 #include "oriel/residual/landmark2.h"
 #include "oriel/residual/landmark3.h"
 #include "oriel/residual/matched_point.h"
-#include "oriel/residual/noise.h"
 #include "oriel/residual/pose_graph.h"
-#include "oriel/residual/prior.h"
 #include "oriel/residual/range.h"
 #include "oriel/residual/registration.h"
 #include "oriel/residual/reprojection.h"
 #include "oriel/residual/sim3.h"
 #include "oriel/residual/structureless_track.h"
+#include "oriel/run/registry_add.h"
 #include "oriel/sensor/stereo_rig.h"
 
 namespace oriel {
 namespace {
 
-// A residual with every noise shape.
-template <class R>
-void add(TypeList& types) {
-  types.factor<R, IsotropicNoise>();
-  types.factor<R, DiagonalNoise<ResidualTraits<R>::kDim>>();
-  types.factor<R, FullNoise<ResidualTraits<R>::kDim>>();
-}
-template <class... R>
-void add_each(TypeList& types) {
-  (add<R>(types), ...);
-}
-template <class... R>
-void add_isotropic(TypeList& types) {
-  (types.factor<R, IsotropicNoise>(), ...);
-}
+using run_detail::add_each, run_detail::add_isotropic;
 
-template <int... N>
-void add_vectors(TypeList& types, std::integer_sequence<int, N...>) {
-  add_each<Prior<VectorNd<N + 1>>...>(types);
-}
 template <int... N>
 void add_tracks(TypeList& types, std::integer_sequence<int, N...>) {
   add_isotropic<StructurelessTrack<N + 2>...>(types);
-}
-
-void add_priors(TypeList& types) {
-  add_each<Prior<Point2d>, Prior<Point3d>, Prior<Velocity3d>, Prior<ImuBiasd>, Prior<Rot2d>, Prior<Rot3d>,
-           Prior<Pose2d>, Prior<Pose3d>, Prior<Sim3d>, Prior<UnitVector3d>, Prior<Positived>, Prior<InverseDepthd>,
-           Prior<BalCamerad>, Prior<PinholeIntrinsicsd>>(types);
-  add_each<Between<Point2d>, Between<Point3d>, Between<Velocity3d>, Between<ImuBiasd>, Between<Rot2d>, Between<Rot3d>,
-           Between<Pose2d>, Between<Pose3d>, Between<Sim3d>>(types);
-  add_vectors(types, std::make_integer_sequence<int, 9>{});
 }
 
 void add_cameras(TypeList& types) {
@@ -86,7 +57,7 @@ void add_cameras(TypeList& types) {
 
 TypeList shipped_types() {
   TypeList types;
-  add_priors(types);
+  run_detail::add_priors(types);
   add_each<PoseGraphEdge2d, PoseGraphEdge3d, PoseGraphEdgeLog3d>(types);
   add_each<Sighting2d, Bearing2d, Range2d, BearingRange2d, Sighting3d>(types);
   add_each<GnssPositiond, BodyVelocityd>(types);

@@ -11,18 +11,16 @@
 // error, and never asks for memory that its own length does not justify.
 #pragma once
 #include <array>
-#include <functional>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "oriel/base/bytes.h"
 #include "oriel/base/result.h"
+#include "oriel/run/transfer_view.h"
 
 namespace oriel {
 
@@ -37,52 +35,9 @@ inline constexpr bool kIsVector = false;
 template <class T>
 inline constexpr bool kIsVector<std::vector<T>> = true;
 template <class T>
-inline constexpr bool kIsArray = false;
-template <class T, std::size_t N>
-inline constexpr bool kIsArray<std::array<T, N>> = true;
-template <class T>
 inline constexpr bool kIsPair = false;
 template <class A, class B>
 inline constexpr bool kIsPair<std::pair<A, B>> = true;
-
-template <class T>
-inline constexpr bool kIsView =
-    std::is_pointer_v<T> || std::is_member_pointer_v<T> || std::is_same_v<T, std::string_view>;
-template <class T, std::size_t N>
-inline constexpr bool kIsView<std::span<T, N>> = true;
-template <class T>
-inline constexpr bool kIsView<std::reference_wrapper<T>> = true;
-
-// Whether a T is, or holds, a pointer or a view: its bytes are of no use elsewhere. As far as that can be seen from
-// outside: of aggregates their members, and theirs; of classes that say nothing of themselves, nothing.
-template <class T>
-constexpr bool looks_elsewhere();
-template <class T>
-struct Holds {  // of a T that is no aggregate
-  static constexpr bool kView = false;
-};
-template <class T>
-struct Holds<std::optional<T>> {
-  static constexpr bool kView = looks_elsewhere<T>();
-};
-template <class... T>
-struct Holds<std::variant<T...>> {
-  static constexpr bool kView = (looks_elsewhere<T>() || ...);
-};
-template <class T, std::size_t N>
-struct Holds<std::array<T, N>> {
-  static constexpr bool kView = looks_elsewhere<T>();
-};
-
-struct AnyMember {
-  template <class T>
-  operator T() const noexcept;  // NOLINT(google-explicit-constructor): never defined, only asked for
-};
-// Converts to what must not travel as bytes.
-struct LooksElsewhere {
-  template <class T>
-  requires(looks_elsewhere<T>()) operator T() const noexcept;  // NOLINT(google-explicit-constructor)
-};
 
 // Converts to base classes of T alone: only T's base takes it, and a struct with one cannot be taken apart.
 template <class T>
@@ -111,25 +66,6 @@ constexpr std::size_t member_count() {
   else
     return member_count<T, N - 1>();
 }
-template <class T, std::size_t... I>
-constexpr bool takes_view_after(std::index_sequence<I...>) {
-  return requires { T{(static_cast<void>(I), AnyMember{})..., LooksElsewhere{}}; };
-}
-template <class T, std::size_t... N>
-constexpr bool any_view(std::index_sequence<N...>) {
-  return (takes_view_after<T>(std::make_index_sequence<N>{}) || ...);
-}
-inline constexpr std::size_t kFarthestView = 32;  // among the members, and the elements of C arrays
-template <class T>
-constexpr bool looks_elsewhere() {
-  if constexpr (kIsView<T>)
-    return true;
-  else if constexpr (std::is_aggregate_v<T> && std::is_class_v<T> && !kIsArray<T>)
-    return any_view<T>(std::make_index_sequence<kFarthestView>{});
-  else
-    return Holds<T>::kView;
-}
-
 struct NoVisit {
   template <class... M>
   void operator()(M&...) const {}
