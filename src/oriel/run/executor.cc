@@ -135,7 +135,13 @@ bool ExecutorCore::is_running() { return state_ == State::running && runner_->is
 
 const JobReport* ExecutorCore::report() {
   if (state_ == State::idle || is_running()) return nullptr;
-  return wait();
+  if (state_ == State::running) {
+    const JobReport now = runner_->finish_or_retry(output_);
+    if (now.status == JobStatus::accepted) return nullptr;
+    report_ = now;
+    state_ = State::finished;
+  }
+  return &report_;
 }
 
 const JobReport* ExecutorCore::wait() {
@@ -162,7 +168,7 @@ void ExecutorCore::forget() {
 void ExecutorCore::terminate() {
   if (terminated_) return;
   terminated_ = true;
-  if (state_ == State::running && !runner_->is_running()) wait();  // it had arrived
+  static_cast<void>(report());  // it may have arrived
   const bool cut = state_ == State::running;
   runner_->terminate();
   if (!cut) return;

@@ -41,7 +41,7 @@ struct ExecutorOptions {
   Zygote* zygote = nullptr;  // must outlive the executor
   WorkerLimits limits;
   // How often a context that can travel does: with each so many-th result. A new worker gets the last one and the
-  // inputs since.
+  // inputs since; those have time limits of their own, before that of the next job.
   int checkpoint_every = 1;
   // How often a job whose process died or ran out of memory is begun again by a new one, before it is given up.
   int retries = 0;
@@ -64,6 +64,8 @@ class JobRunner {
   virtual bool is_running() = 0;
   // Waits for the job: done, failed, died or timed_out.
   virtual JobReport finish(Bytes& output) = 0;
+  // The same where is_running is false, and it does not wait: accepted where the job is begun again.
+  virtual JobReport finish_or_retry(Bytes& output) { return finish(output); }
   virtual void terminate() = 0;
 };
 

@@ -142,7 +142,9 @@ Result<void> PacketSocket::send(PacketHead head, std::array<std::span<const std:
     too_large_ = 0;
     head.flags |= kForgetsMemory;
   }
-  if (size > kMostInline) {
+  // A socket holds hundreds of small packets, and few of this size.
+  const bool crowds = ++in_a_row_ > 2 && size > kMostInline / 32;
+  if (size > kMostInline || crowds) {
     auto made = write_parts(parts, size);
     if (!made) return made.error();
     memory = std::move(*made);
@@ -248,6 +250,7 @@ Result<PacketSocket::Got> PacketSocket::receive(Packet& out, Duration limit, Dur
       (head.in_memory == kNewMemory ? 1 : 0) + ((head.flags & kPassesDescriptor) != 0 ? 1 : 0);
   if (fd_count != expected_fds || head.in_memory > kKeptMemory) return damaged("a descriptor is missing");
   answered_ = true;
+  in_a_row_ = 0;
   if ((head.flags & kForgetsMemory) != 0) read_.reset();
   const std::byte* begin = out.inline_.data() + sizeof(PacketHead);
   if (head.in_memory != 0) {

@@ -121,6 +121,7 @@ class PacketSocket {
   OwnedFd fd_;
   SharedMemory written_, read_;  // of the last large packet each way
   bool answered_ = true;         // something came since the last large packet was sent
+  int in_a_row_ = 0;             // packets sent since something came
   int too_large_ = 0;            // packets one after the other that left most of the memory unused
 };
 

@@ -44,32 +44,51 @@ class ProcessRunner final : public JobRunner {
     retries_ = options_.retries;
     restarted_ = anew_ = false;
     began_ = Clock::now();
+    replayed_ = 0;
     if (alive_ && socket_.has_news()) end_worker();  // nothing was asked of it: it can only have gone
     if (auto ok = send_job(); !ok) return lost(JobStatus::died, ok.error().text());
     return {job, JobStatus::accepted};
   }
   // One that has gone or is late is no reason to wait.
-  bool is_running() override { return !socket_.has_news() && left().ns > 0; }
+  bool is_running() override {
+    take_ready();
+    return !socket_.has_news() && left().ns > 0;
+  }
   JobReport finish(Bytes& output) override {
     for (;;) {
-      JobReport r = await(output);
-      const bool again = r.worker_lost && (r.status != JobStatus::timed_out || options_.retry_late);
-      if (!again || retries_-- <= 0) return r;
-      if (options_.retry_late) began_ = Clock::now();
-      if (left().ns <= 0) return r;
-      if (auto ok = send_job(); !ok) return lost(JobStatus::died, ok.error().text());
+      const JobReport r = finish_or_retry(output);
+      if (r.status != JobStatus::accepted) return r;
     }
+  }
+  JobReport finish_or_retry(Bytes& output) override {
+    JobReport r = await(output);
+    const bool again = r.worker_lost && (r.status != JobStatus::timed_out || options_.retry_late);
+    if (!again || retries_-- <= 0) return r;
+    if (options_.retry_late) began_ = Clock::now();
+    if (left().ns <= 0) return r;
+    if (auto ok = send_job(); !ok) return lost(JobStatus::died, ok.error().text());
+    return report(JobStatus::accepted);
   }
   void terminate() override { end_worker(); }
 
  private:
   using Clock = std::chrono::steady_clock;
 
-  // For ever where there is no limit.
+  // The new worker has done again what was done before: the job's own time begins. Nothing else can come before that.
+  void take_ready() {
+    if (replayed_ == 0 || !socket_.has_news()) return;
+    const auto got = socket_.receive(packet_, Duration{1});
+    if (got && *got == PacketSocket::Got::packet && packet_.head.job == 0) begin_own_time();
+  }
+  void begin_own_time() {
+    began_ = Clock::now();
+    replayed_ = 0;
+  }
+  // For ever where there is no limit. Jobs that are done again first have theirs as well.
   Duration left() const {
     if (options_.time_limit.ns <= 0) return {INT64_MAX};
     const std::int64_t so_far = std::chrono::nanoseconds(Clock::now() - began_).count();
-    return {options_.time_limit.ns - so_far};
+    return {options_.time_limit.ns * std::max<std::int64_t>(1, replayed_) - so_far};
   }
   JobReport report(JobStatus status, std::string message = {}) const {
     return {job_, status, std::move(message), restarted_, anew_};
@@ -91,7 +110,6 @@ class ProcessRunner final : public JobRunner {
     auto worker = options_.zygote->spawn(task_, options_.limits, std::min(left(), Zygote::kPatience));
     if (!worker) return worker.error();
     socket_ = std::move(worker->socket);
-    socket_.limit_sending(options_.time_limit);
     pid_ = worker->pid;
     alive_ = true;
     return {};
@@ -102,18 +120,24 @@ class ProcessRunner final : public JobRunner {
     if (auto ok = fork_worker(); !ok) return ok;
     restarted_ = true;
     anew_ = anew_ || (jobs_done_ > 0 && !task_.context_travels);
-    auto sent = socket_.send(head(WorkerPacket::begin, kNoAnswer), {config_, checkpoint_, {}});
+    replayed_ = static_cast<std::int64_t>(since_.size());
+    auto sent = send_in_time(head(WorkerPacket::begin, kNoAnswer), {config_, checkpoint_, {}});
     for (std::size_t i = 0; i < since_.size() && sent; ++i)
-      sent = socket_.send(head(WorkerPacket::job, kNoAnswer), {since_[i], {}, {}});
+      sent = send_in_time(head(WorkerPacket::job, i + 1 < since_.size() ? kNoAnswer : kReady), {since_[i], {}, {}});
     return sent;
   }
+  Result<void> send_in_time(const PacketHead& h, std::array<std::span<const std::byte>, 3> parts) {
+    const Duration rest = left();
+    socket_.limit_sending(rest.ns == INT64_MAX ? Duration{} : std::max(rest, Duration{1'000'000}));
+    return socket_.send(h, parts);
+  }
+  // One that was told half of it is of no use.
   Result<void> send_job() {
-    if (!alive_)
-      if (auto ok = start_again(); !ok && !has_gone(ok)) return ok;
+    Result<void> sent;
+    if (!alive_) sent = start_again();
     const bool travels = task_.context_travels && static_cast<int>(since_.size()) + 1 >= options_.checkpoint_every;
-    // Where the worker has gone meanwhile, finish sees it.
-    auto sent = socket_.send(head(WorkerPacket::job, travels ? kContextTravels : 0), {input_, {}, {}});
-    if (sent || has_gone(sent)) return {};
+    if (sent) sent = send_in_time(head(WorkerPacket::job, travels ? kContextTravels : 0), {input_, {}, {}});
+    if (sent || has_gone(sent)) return {};  // where the worker has gone meanwhile, finish sees it
     end_worker();
     return sent;
   }
@@ -124,7 +148,8 @@ class ProcessRunner final : public JobRunner {
       const auto got = rest.ns > 0 ? socket_.receive(packet_, rest.ns == INT64_MAX ? Duration{} : rest, options_.spin)
                                    : late_answer();
       if (got && *got == PacketSocket::Got::packet) {
-        if (packet_.head.job != job_) continue;  // of another
+        if (packet_.head.job == 0) begin_own_time();
+        if (packet_.head.job != job_) continue;
         return arrived(output);
       }
       if (got && *got == PacketSocket::Got::timeout) {
@@ -182,6 +207,7 @@ class ProcessRunner final : public JobRunner {
   pid_t pid_ = -1;
   bool alive_ = false, expected_ = false;
   int retries_ = 0;
+  std::int64_t replayed_ = 0;  // jobs that are done again before this one
   std::uint64_t jobs_done_ = 0;
   bool restarted_ = false, anew_ = false;
   Clock::time_point began_;

@@ -98,8 +98,9 @@ class ThreadRunner final : public JobRunner {
     return state_ == State::running && !is_late();
   }
   JobReport finish(Bytes& output) override {
-    const Duration looks = time_limit_.ns > 0 ? std::min(spin_, time_limit_) : spin_;
-    look_for(looks, [&] { return state_ == State::finished; });
+    const Duration so_far{std::chrono::nanoseconds(Clock::now() - began_).count()};
+    look_for(time_limit_.ns > 0 ? std::min(spin_, time_limit_ - so_far) : spin_,
+             [&] { return state_ == State::finished; });
     std::unique_lock lock(mutex_);
     const auto ready = [&] { return state_ == State::finished; };
     if (time_limit_.ns > 0)

@@ -183,6 +183,7 @@ class ZygoteServer {
       return pid;
     }
     control_.close();
+    program_.reset();
     run_worker(std::move(socket), *tasks_[task], limits, self);
   }
   // A pid stays a zombie, and so nobody else's, until it is asked for here or seen in reap.
@@ -287,6 +288,7 @@ Result<Zygote> Zygote::start(std::vector<const TaskOps*> tasks) {
   Owned<State> state(new State);
   state->pid = pid;
   state->control = std::move(ends->first);
+  state->control.limit_sending(Duration{100'000'000});  // one that was stopped reads nothing
   state->tasks = std::move(tasks);
   return Zygote(std::move(state));
 }
@@ -356,7 +358,16 @@ void serve_worker(PacketSocket& socket, const TaskOps& task) {
       const bool travel = packet.head.value == kContextTravels && task.context_travels && !out_of_memory;
       if (travel) task.send_context(context, travels);
     }
-    if (packet.head.value == kNoAnswer) continue;
+    if (packet.head.value == kNoAnswer || packet.head.value == kReady) {
+      if (!done && context != nullptr) {  // one that was done before: what comes after it would have other bits
+        task.destroy_context(context);
+        context = nullptr;
+        why_none = "a job that had been done failed when it was done again: " + done.error().text();
+      }
+      head.job = 0;
+      if (packet.head.value == kReady && !socket.send(head)) break;
+      continue;
+    }
     head.value = done            ? kAnswerDone
                  : out_of_memory ? kAnswerOutOfMemory
                  : no_context    ? kAnswerNoContext

@@ -65,7 +65,7 @@ enum class WorkerPacket : std::uint16_t {
   answer = 3,  // parts: output, context, text of an error; value: what came of it
   wake = 4,    // a job comes soon. No answer
 };
-inline constexpr std::int64_t kContextTravels = 1, kNoAnswer = 2;  // how to answer
+inline constexpr std::int64_t kContextTravels = 1, kNoAnswer = 2, kReady = 3;  // how to answer
 inline constexpr std::int64_t kAnswerDone = 0, kAnswerFailed = 1, kAnswerOutOfMemory = 2,
                               kAnswerNoContext = 3;  // what came of it
 inline constexpr Duration kAwake{1'000'000};         // that a worker then looks for it before it sleeps again [ns]
