@@ -38,6 +38,23 @@ inline bool goes_childless(pid_t parent) {
   return children_of(parent).empty();
 }
 
+// Whether it ends within five seconds; one that nobody waits for has gone, too.
+inline bool goes(pid_t pid) {
+  for (int i = 0; i < 500; ++i) {
+    std::ifstream stat("/proc/" + std::to_string(pid) + "/stat");
+    std::string text;
+    if (!std::getline(stat, text) || text.find(") Z") != std::string::npos) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return false;
+}
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr bool kMayLimitMemory = false;  // shadow memory is larger than any limit
+#else
+inline constexpr bool kMayLimitMemory = true;
+#endif
+
 // Open files of this process, memory that is shared among them.
 inline int descriptor_count() {
   int n = 0;

@@ -107,11 +107,6 @@ struct AltimeterTypes {
   }
 };
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kMayLimitMemory = false;  // shadow memory is larger than any limit
-#else
-constexpr bool kMayLimitMemory = true;
-#endif
 constexpr double kTimeLimit = 0.1;   // [s] of a job
 constexpr double kBegunAnew = 0.03;  // [s] that a new worker and another solve may take
 

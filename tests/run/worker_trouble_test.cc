@@ -25,16 +25,6 @@ Sums make(Zygote& zygote, ExecutorOptions options = {}) {
   return std::move(Sums::start(ExecutorKind::process, {2.0, false}, options).value());
 }
 
-bool goes(pid_t pid) {  // within five seconds; one that nobody waits for has gone, too
-  for (int i = 0; i < 500; ++i) {
-    std::ifstream stat("/proc/" + std::to_string(pid) + "/stat");
-    std::string text;
-    if (!std::getline(stat, text) || text.find(") Z") != std::string::npos) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  return false;
-}
-
 // What a program of its own writes, and how it ended.
 struct Told {
   std::string text;
