@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "oriel/base/percentile.h"
+#include "oriel/graph/fingerprint.h"
 #include "oriel/run/beside_engine.h"
 #include "oriel/testing/simulated_world.h"
 #include "oriel/window/inertial_odometry.h"
@@ -87,45 +88,57 @@ std::vector<Bytes> edits_of(const SimulatedWorld& world, const std::vector<Frame
   return out;
 }
 
-// Of each edit the time from submit to the end of write_back [us]; empty where something is refused.
-std::vector<double> round_trips(Zygote& zygote, ExecutorKind kind, const std::vector<Bytes>& edits, Duration spin,
-                                std::size_t warm_up) {
+// One graph, and what follows it in one executor.
+struct Follower {
   Graph graph;
   GraphEdit edit;
-  ExecutorOptions options;
-  options.zygote = &zygote;
-  options.spin = spin;
-  auto beside = SolveBeside::start(graph, kind, options);
+  std::unique_ptr<SolveBeside> beside;
+  std::vector<double> us;  // of each edit, from submit to the end of write_back
+};
+
+bool follow(Follower& f, std::span<const Bytes> edits, const TypeList& types, bool counts) {
   SolveOptions no_step;
   no_step.max_iterations = 0;
-  const TypeList types = shipped_types();
-  std::vector<double> us;
-  for (std::size_t k = 0; beside && k < edits.size(); ++k) {
-    const auto message = read_message(edits[k]);
-    if (!message || !read_edit(*message, types, graph, edit) || !graph.apply(edit)) return {};
+  for (const Bytes& bytes : edits) {
+    const auto message = read_message(bytes);
+    if (!message || !read_edit(*message, types, f.graph, f.edit) || !f.graph.apply(f.edit)) return false;
     const auto begin = Clock::now();
-    if (!beside->submit(no_step)) return {};
-    if (beside->write_back().status != JobStatus::done) return {};
-    if (k >= warm_up) us.push_back(std::chrono::duration<double, std::micro>(Clock::now() - begin).count());
+    if (!f.beside->submit(no_step) || f.beside->write_back().status != JobStatus::done) return false;
+    if (counts) f.us.push_back(std::chrono::duration<double, std::micro>(Clock::now() - begin).count());
   }
-  return us;
+  return true;
 }
 
 int compare_round_trips(Zygote& zygote, const std::vector<Bytes>& edits, Duration spin, std::size_t warm_up) {
   std::size_t bytes = 0;
   for (std::size_t k = warm_up; k < edits.size(); ++k) bytes += edits[k].size();
+  const TypeList types = shipped_types();
+  std::array<Follower, 3> sides;
+  constexpr std::array kKinds{ExecutorKind::in_place, ExecutorKind::thread, ExecutorKind::process};
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    ExecutorOptions options;
+    options.zygote = &zygote;
+    options.spin = spin;
+    auto beside = SolveBeside::start(sides[i].graph, kKinds[i], options);
+    if (!beside) return std::fprintf(stderr, "%s\n", beside.error().text().c_str()), 1;
+    sides[i].beside = std::make_unique<SolveBeside>(std::move(*beside));
+  }
+  for (std::size_t at = 0; at < edits.size(); at += kBlock)
+    for (Follower& side : sides)
+      if (!follow(side, std::span(edits).subspan(at, std::min<std::size_t>(kBlock, edits.size() - at)), types,
+                  at >= warm_up))
+        return std::fprintf(stderr, "window_beside: an edit was refused\n"), 1;
+
   std::printf("round trips of a window's edits, %zu bytes each, one right after the other\n",
               bytes / (edits.size() - warm_up));
   std::printf("%10s %10s %10s %26s\n", "executor", "p50 [us]", "p99 [us]", "over inline, p50 of frames");
-  std::vector<double> in_place;
-  for (const ExecutorKind kind : {ExecutorKind::in_place, ExecutorKind::thread, ExecutorKind::process}) {
-    const std::vector<double> us = round_trips(zygote, kind, edits, spin, warm_up);
-    if (us.empty()) return std::fprintf(stderr, "window_beside: an edit was refused\n"), 1;
-    if (in_place.empty()) in_place = us;
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    if (fingerprint(sides[i].graph) != fingerprint(sides[0].graph))
+      return std::fprintf(stderr, "window_beside: %s came to another graph\n", name_of(kKinds[i]).c_str()), 1;
     std::vector<double> over;
-    for (std::size_t i = 0; i < us.size(); ++i) over.push_back(us[i] - in_place[i]);
-    std::printf("%10s %10.0f %10.0f %26.0f\n", name_of(kind).c_str(), share(us, 0.5), share(us, 0.99),
-                share(over, 0.5));
+    for (std::size_t k = 0; k < sides[i].us.size(); ++k) over.push_back(sides[i].us[k] - sides[0].us[k]);
+    std::printf("%10s %10.0f %10.0f %26.0f\n", name_of(kKinds[i]).c_str(), share(sides[i].us, 0.5),
+                share(sides[i].us, 0.99), share(over, 0.5));
   }
   return 0;
 }
@@ -191,7 +204,7 @@ int main(int argc, char** argv) {
   if (!zygote) return std::fprintf(stderr, "%s\n", zygote.error().text().c_str()), 1;
   const int frames = argc > 1 ? std::atoi(argv[1]) : 1000;
   const double rate = argc > 2 ? std::atof(argv[2]) : 0.0;
-  const double spin_ms = argc > 3 ? std::atof(argv[3]) : 0.0;
+  const double spin_ms = argc > 3 ? std::atof(argv[3]) : 1.0;
   if (argc > 4 || frames < 1 || rate < 0.0 || spin_ms < 0.0) {
     std::fprintf(stderr, "window_beside: expected [FRAMES [FRAMES_A_SECOND [SPIN_MS]]]\n");
     return 2;

@@ -17,7 +17,7 @@ struct RunConfig {
   Duration time_limit{0};             // of a job [ns]; 0: none
   std::uint64_t memory_limit_mb = 0;  // of a worker's process; 0: none
   std::uint64_t cpu_limit_s = 0;      // of a worker's process, in all its jobs [s]; 0: none
-  Duration spin{0};                   // that a wait for a result looks for it before it sleeps [ns]
+  Duration spin{1'000'000};           // that a wait for a result looks for it instead of sleeping [ns]
   int retries = 3;                    // of a job whose worker was lost,
   bool retry_late = false;            // and of one that was not done within time_limit
   bool defer = false;                 // solves go on beside the updates

@@ -22,7 +22,7 @@ const ConfigKey kKeys[] = {
     {"", "cpu_limit", Count{[](RunConfig& c) -> std::uint64_t& { return c.cpu_limit_s; }, 1'000'000'000}, "s",
      "CPU time of a worker's process in all its jobs, after which it is ended; 0: no limit."},
     {"", "spin", Seconds{[](RunConfig& c) -> Duration& { return c.spin; }, true}, "s",
-     "How long a wait for a result looks for it before it sleeps: a core that sleeps is some 0.1 ms late."},
+     "How long a wait for a result looks for it, from when it is due, instead of sleeping; 0: not at all."},
     {"", "retries", Whole{[](RunConfig& c) -> int& { return c.retries; }, 0, 1000}, "-",
      "How often a job whose process was lost is begun again, by another."},
     {"", "retry_late", Flag{[](RunConfig& c) -> bool& { return c.retry_late; }}, "-",

@@ -34,9 +34,9 @@ struct ExecutorOptions {
   bool coalesce = false;
   // A job that takes longer is given up: a process is ended, the result of a thread is dropped. Not in place. 0: none.
   Duration time_limit{0};
-  // How long whoever waits for a result looks for it before he sleeps: a core that sleeps is some 100 us late. It is
-  // left to others that want it meanwhile.
-  Duration spin{0};
+  // How long whoever waits for a result looks for it, from shortly before the last ones would have been there (look.h):
+  // a core that sleeps is some 100 us late. It is left to others that want it meanwhile. 0: sleeps at once.
+  Duration spin{1'000'000};  // [ns]
   // ---- of processes ----
   Zygote* zygote = nullptr;  // must outlive the executor
   WorkerLimits limits;

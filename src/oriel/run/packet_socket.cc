@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <poll.h>
-#include <sched.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -15,10 +14,13 @@
 #include <cstring>
 #include <utility>
 
+#include "oriel/base/spin.h"
+
 namespace oriel {
 namespace {
 
-constexpr std::size_t kMostInline = 32768;  // [bytes] of parts that go through the socket
+constexpr std::size_t kMostInline = 4096;  // [bytes] of parts that go through the socket,
+constexpr std::size_t kMostInARow = 1024;  // and of one that follows others
 constexpr std::uint32_t kPassesDescriptor = 1u << 31, kForgetsMemory = 1u << 30;  // flags
 constexpr std::uint32_t kNewMemory = 1, kKeptMemory = 2;                          // where the parts are, if not inline
 #ifndef F_SEAL_FUTURE_WRITE                                                       // Linux 5.1
@@ -143,7 +145,7 @@ Result<void> PacketSocket::send(PacketHead head, std::array<std::span<const std:
     head.flags |= kForgetsMemory;
   }
   // A socket holds hundreds of small packets, and few of this size.
-  const bool crowds = ++in_a_row_ > 2 && size > kMostInline / 32;
+  const bool crowds = ++in_a_row_ > 2 && size > kMostInARow;
   if (size > kMostInline || crowds) {
     auto made = write_parts(parts, size);
     if (!made) return made.error();
@@ -196,12 +198,23 @@ bool PacketSocket::has_news() const {
   return !fd_ || ::poll(&p, 1, 0) != 0;
 }
 
-Result<PacketSocket::Got> PacketSocket::receive(Packet& out, Duration limit, Duration spin) {
+void PacketSocket::look_for_news(const Look& look) const {
+  if (look.after.ns > 0) {
+    const timespec time{look.after.ns / 1'000'000'000, look.after.ns % 1'000'000'000};
+    pollfd p{fd_.get(), POLLIN, 0};
+    if (::ppoll(&p, 1, &time, nullptr) > 0) return;
+  }
+  constexpr Pace kPace{4, 32};  // a look is a system call, and whoever is waited for may be on this core
+  if (look.time.ns > 0) spin_until(std::chrono::nanoseconds(look.time.ns), kPace, [this] { return has_news(); });
+}
+
+Result<PacketSocket::Got> PacketSocket::receive(Packet& out, Duration limit, const Look& look) {
   out.passed.reset();
   out.parts = {};
   if (!fd_) return Got::gone;
-  const Deadline deadline(limit), spins(limit.ns > 0 ? std::min(limit, spin) : spin);
-  while (spin.ns > 0 && !has_news() && spins.left_ms() > 0) ::sched_yield();
+  const Deadline deadline(limit);
+  const Duration most = limit.ns > 0 ? limit : Duration{INT64_MAX}, after = std::min(look.after, most);
+  look_for_news({after, std::min(look.time, most - after)});
   out.inline_.resize(sizeof(PacketHead) + kMostInline);
   alignas(cmsghdr) std::array<char, CMSG_SPACE(2 * sizeof(int))> control{};
   msghdr message{};

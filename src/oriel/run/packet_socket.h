@@ -13,6 +13,7 @@
 #include "oriel/base/bytes.h"
 #include "oriel/base/result.h"
 #include "oriel/base/time.h"
+#include "oriel/run/look.h"
 
 namespace oriel {
 
@@ -106,16 +107,15 @@ class PacketSocket {
 
   // ErrorCode::not_found where the other side has gone. `passed` is a descriptor to send along.
   Result<void> send(PacketHead head, std::array<std::span<const std::byte>, 3> parts = {}, int passed = -1);
-  // Waits for a packet: for as long as it takes (limit 0), or so long; for `spin` of that it looks again and again, and
-  // leaves its core to whoever wants it in between: one that sleeps is 30 to 130 us late. An error is a packet that is
-  // damaged.
-  Result<Got> receive(Packet& out, Duration limit = {}, Duration spin = {});
+  // Waits for a packet: for as long as it takes (limit 0), or so long. An error is a packet that is damaged.
+  Result<Got> receive(Packet& out, Duration limit = {}, const Look& look = {});
   // Whether receive would return at once.
   bool has_news() const;
   int fd() const { return fd_.get(); }
 
  private:
   Result<OwnedFd> write_parts(const std::array<std::span<const std::byte>, 3>& parts, std::size_t size);
+  void look_for_news(const Look& look) const;
   Result<const std::byte*> find_parts(const PacketHead& head, const OwnedFd& fd, std::size_t size);
 
   OwnedFd fd_;

@@ -84,11 +84,11 @@ class ProcessRunner final : public JobRunner {
     began_ = Clock::now();
     replayed_ = 0;
   }
+  Duration so_far() const { return {std::chrono::nanoseconds(Clock::now() - began_).count()}; }
   // For ever where there is no limit. Jobs that are done again first have theirs as well.
   Duration left() const {
     if (options_.time_limit.ns <= 0) return {INT64_MAX};
-    const std::int64_t so_far = std::chrono::nanoseconds(Clock::now() - began_).count();
-    return {options_.time_limit.ns * std::max<std::int64_t>(1, replayed_) - so_far};
+    return Duration{options_.time_limit.ns * std::max<std::int64_t>(1, replayed_)} - so_far();
   }
   JobReport report(JobStatus status, std::string message = {}) const {
     return {job_, status, std::move(message), restarted_, anew_};
@@ -145,11 +145,14 @@ class ProcessRunner final : public JobRunner {
   JobReport await(Bytes& output) {
     for (;;) {
       const Duration rest = left();
-      const auto got = rest.ns > 0 ? socket_.receive(packet_, rest.ns == INT64_MAX ? Duration{} : rest, options_.spin)
+      const bool waits = !socket_.has_news();
+      const auto got = rest.ns > 0 ? socket_.receive(packet_, rest.ns == INT64_MAX ? Duration{} : rest,
+                                                     usual_.look(so_far(), options_.spin))
                                    : late_answer();
       if (got && *got == PacketSocket::Got::packet) {
         if (packet_.head.job == 0) begin_own_time();
         if (packet_.head.job != job_) continue;
+        if (waits) usual_.took(so_far());
         return arrived(output);
       }
       if (got && *got == PacketSocket::Got::timeout) {
@@ -211,6 +214,7 @@ class ProcessRunner final : public JobRunner {
   std::uint64_t jobs_done_ = 0;
   bool restarted_ = false, anew_ = false;
   Clock::time_point began_;
+  UsualTime usual_;  // that an answer takes
   JobId job_ = 0;
   Bytes input_;
   Packet packet_;

@@ -109,7 +109,6 @@ SolveOwner::SolveOwner(SolveOwner&& other) noexcept
       types_(std::move(other.types_)),
       can_be_lost_(other.can_be_lost_),
       told_(std::move(other.told_)),
-      knows_told_(other.knows_told_),
       subscription_(other.subscription_),
       subscribed_(other.subscribed_),
       whole_(other.whole_),
@@ -132,6 +131,7 @@ void SolveOwner::begin_anew() {
   subscribed_ = true;
   whole_ = true;
   sequence_ = 0;
+  told_.forget();
 }
 
 const SolveInput& SolveOwner::collect(const SolveOptions& options) {
@@ -153,20 +153,12 @@ const SolveInput& SolveOwner::collect(const SolveOptions& options) {
 }
 
 void SolveOwner::submitted() {
-  if (can_be_lost_) knows_told_ = told_.apply(edit_).ok() && (knows_told_ || edit_.whole());
+  if (can_be_lost_) told_.told(input_.edit, edit_.whole(), *graph_);
 }
 
-const SolveInput& SolveOwner::collect_again() {
-  Graph& graph = knows_told_ ? told_ : *graph_;
-  if (!knows_told_) input_.version = graph.version();
-  const Subscription whole = graph.subscribe();
-  graph.collect(whole, edit_);
-  graph.unsubscribe(whole);
-  edit_.mark_whole();
-  input_.edit.clear();
-  append_edit(input_.edit, edit_);
+Result<void> SolveOwner::collect_again() {
   input_.order = state_.order;
-  return input_;
+  return told_.tell(types_, input_.edit);
 }
 
 void SolveOwner::write(const SolveOutput& output) { written_ = take(output); }
@@ -184,10 +176,7 @@ Result<void> SolveOwner::take(const SolveOutput& output) {
   const auto solution = read_message(output.solution);
   if (!solution) return solution.error();
   if (auto ok = read_solution(*solution, types_, solution_); !ok) return ok;
-  if (knows_told_) {
-    solution_.version = told_.version();
-    knows_told_ = told_.adopt(solution_).ok();
-  }
+  if (told_.knows()) told_.solved(output.solution);
   solution_.version = output.version;  // what the owner set since then stays
   return graph_->adopt(solution_);
 }

@@ -7,12 +7,13 @@
 //                                  // fixed, or was set meanwhile
 //
 // The worker holds a replica that follows by net edits (change_log.h) and keeps its structure from job to job. For one
-// that can be lost the owner's side keeps the graph as it was told: the checkpoint, from which another does the job
-// again and comes to the same bits, whatever was edited meanwhile. After a job that failed the next one takes the whole
-// graph. Submit and write_back stand at points that the owner's data define (a keyframe, so many updates later); then a
-// run has the same bits wherever it is solved.
+// that can be lost the owner's side keeps what it was told (kept_graph.h): the checkpoint, from which another does the
+// job again and comes to the same bits, whatever was edited meanwhile. After a job that failed the next one takes the
+// whole graph. Submit and write_back stand at points that the owner's data define (a keyframe, so many updates later);
+// then a run has the same bits wherever it is solved.
 #pragma once
 #include "oriel/run/executor.h"
+#include "oriel/run/kept_graph.h"
 #include "oriel/run/message.h"
 #include "oriel/run/registry.h"
 
@@ -74,7 +75,7 @@ class SolveContext {
 // The owner's side, but for the executor.
 class SolveOwner {
  public:
-  // `can_be_lost`: its worker, and what it was told is kept.
+  // `can_be_lost`: its worker, and what that was told is kept.
   SolveOwner(Graph& graph, TypeList types, bool can_be_lost)
       : graph_(&graph), types_(std::move(types)), can_be_lost_(can_be_lost) {
     begin_anew();
@@ -83,10 +84,11 @@ class SolveOwner {
   SolveOwner& operator=(SolveOwner&&) = delete;
   ~SolveOwner();                                           // the graph keeps nothing for it any more
   const SolveInput& collect(const SolveOptions& options);  // good until the next
-  // Once it was submitted: the graph that is kept follows.
+  // Once it was submitted, and before the graph changes: keeps what was told.
   void submitted();
-  // The same job for a worker that knows nothing; after submitted().
-  const SolveInput& collect_again();
+  // The same job for a worker that knows nothing; after submitted(), where its worker can be lost.
+  Result<void> collect_again();
+  const SolveInput& collected() const { return input_; }
   void want_fingerprints() { input_.wants_fingerprint = true; }
   void write(const SolveOutput& output);
   const Result<void>& written() const { return written_; }  // what came of it
@@ -102,8 +104,7 @@ class SolveOwner {
   Graph* graph_;  // null: moved from
   TypeList types_;
   bool can_be_lost_;
-  Graph told_;  // as the worker has it, where that can be lost,
-  bool knows_told_ = false;
+  KeptGraph told_;  // as the worker has it, where that can be lost
   Subscription subscription_;
   bool subscribed_ = false, whole_ = true;
   std::uint64_t sequence_ = 0;
@@ -205,7 +206,10 @@ class SolveBesideWith {
     if (r.status == JobStatus::timed_out) return r.worker_lost && retry_late_;
     return r.worker_lost || (r.status == JobStatus::failed && r.restarted);
   }
-  JobReport again() { return executor_.submit(owner_.collect_again()); }
+  JobReport again() {
+    if (auto ok = owner_.collect_again(); !ok) return {job_, JobStatus::failed, ok.error().text()};
+    return executor_.submit(owner_.collected());
+  }
 
   run_detail::SolveOwner owner_;
   Executor<SolveTask<Types>> executor_;

@@ -7,6 +7,8 @@
 #include <thread>
 #include <utility>
 
+#include "oriel/base/spin.h"
+#include "oriel/run/look.h"
 #include "oriel/run/runners.h"
 
 namespace oriel::run_detail {
@@ -98,11 +100,10 @@ class ThreadRunner final : public JobRunner {
     return state_ == State::running && !is_late();
   }
   JobReport finish(Bytes& output) override {
-    const Duration so_far{std::chrono::nanoseconds(Clock::now() - began_).count()};
-    look_for(time_limit_.ns > 0 ? std::min(spin_, time_limit_ - so_far) : spin_,
-             [&] { return state_ == State::finished; });
     std::unique_lock lock(mutex_);
     const auto ready = [&] { return state_ == State::finished; };
+    const bool waits = !ready();
+    if (waits && spin_.ns > 0) look(lock, ready);
     if (time_limit_.ns > 0)
       changed_.wait_until(lock, began_ + std::chrono::nanoseconds(time_limit_.ns), ready);
     else
@@ -112,6 +113,7 @@ class ThreadRunner final : public JobRunner {
               "not done after " + std::to_string(time_limit_.seconds()) +
                   " s; a thread cannot be ended, its result "
                   "will be dropped"};
+    if (waits) usual_.took(so_far());
     output.swap(output_);
     state_ = State::idle;
     return report_;
@@ -128,14 +130,19 @@ class ThreadRunner final : public JobRunner {
  private:
   using Clock = std::chrono::steady_clock;
   enum class State { idle, running, finished };
+  static constexpr Pace kPace{4, 32};  // whoever is waited for may be on this core
 
-  bool is_late() const {
-    return time_limit_.ns > 0 && Clock::now() >= began_ + std::chrono::nanoseconds(time_limit_.ns);
-  }
+  Duration so_far() const { return {std::chrono::nanoseconds(Clock::now() - began_).count()}; }
+  bool is_late() const { return time_limit_.ns > 0 && so_far() >= time_limit_; }
   template <class F>
-  static void look_for(Duration how_long, F&& there) {
-    const auto end = Clock::now() + std::chrono::nanoseconds(how_long.ns);
-    while (!there() && Clock::now() < end) std::this_thread::yield();
+  void look(std::unique_lock<std::mutex>& lock, F&& ready) {
+    const Look look = usual_.look(so_far(), spin_);
+    const Duration most = time_limit_.ns > 0 ? std::max(time_limit_ - so_far(), Duration{}) : Duration{INT64_MAX};
+    const Duration after = std::min(look.after, most), time = std::min(look.time, most - after);
+    if (changed_.wait_for(lock, std::chrono::nanoseconds(after.ns), ready)) return;
+    lock.unlock();
+    spin_until(std::chrono::nanoseconds(time.ns), kPace, ready);
+    lock.lock();
   }
   void serve(Result<void>& made) {
     std::unique_lock lock(mutex_);
@@ -148,7 +155,7 @@ class ThreadRunner final : public JobRunner {
       if (ends_) return;
       if (std::exchange(expected_, false) && state_ != State::running) {
         lock.unlock();
-        look_for(kAwake, [&] { return state_ == State::running; });
+        spin_until(std::chrono::nanoseconds(kAwake.ns), kPace, [&] { return state_ == State::running; });
         lock.lock();
         continue;
       }
@@ -170,6 +177,7 @@ class ThreadRunner final : public JobRunner {
   bool expected_ = false;
   std::atomic<State> state_ = State::idle;  // changed under the lock, and looked at without
   Clock::time_point began_;
+  UsualTime usual_;  // that a job takes whose end is waited for
   JobId job_ = 0;
   JobReport report_;
   Bytes input_, output_;  // the thread's while state_ is running

@@ -324,14 +324,14 @@ void serve_worker(PacketSocket& socket, const TaskOps& task) {
   void* context = nullptr;
   std::string why, why_none;  // of an error; of there being no context
   Bytes output, travels;
-  Duration spin{0};
+  Look look;
   for (;;) {
-    const auto got = socket.receive(packet, {}, spin);
+    const auto got = socket.receive(packet, {}, look);
     if (!got) ::_exit(kUnreadableExit);  // its memory could not be mapped, for example
     if (*got != PacketSocket::Got::packet) break;
-    spin = {};
+    look = {};
     if (packet.head.kind == static_cast<std::uint16_t>(WorkerPacket::wake)) {
-      spin = kAwake;
+      look.time = kAwake;
       continue;
     }
     PacketHead head;

@@ -5,9 +5,8 @@
 #include <cstdint>
 #include <thread>
 #include <vector>
-#if defined(__x86_64__) || defined(__i386__)
-#include <immintrin.h>
-#endif
+
+#include "oriel/base/spin.h"
 
 namespace oriel {
 namespace {
@@ -15,28 +14,6 @@ namespace {
 // How long a worker looks for the next round before it sleeps. Waking one takes tens of microseconds, as much as many
 // a round lasts; between the rounds of a step there is less than this, after a solve it is soon over.
 constexpr std::chrono::microseconds kSpin{100};
-constexpr int kPauses = 32;  // between two looks at the clock
-
-void relax() {
-#if defined(__x86_64__) || defined(__i386__)
-  _mm_pause();
-#endif
-}
-
-// Waits for done() without sleeping; false after kSpin. Gives way now and then: where there are more threads than
-// cores, another may have the work.
-template <class F>
-bool spin_until(F done) {
-  const auto end = std::chrono::steady_clock::now() + kSpin;
-  do {
-    for (int i = 0; i < kPauses; ++i) {
-      if (done()) return true;
-      relax();
-    }
-    std::this_thread::yield();
-  } while (std::chrono::steady_clock::now() < end);
-  return done();
-}
 
 }  // namespace
 
@@ -80,7 +57,7 @@ struct ThreadPool::State {
   }
   void work(int worker) {
     for (std::uint32_t seen = 0;;) {
-      if (!spin_until([&] { return round.load() != seen; })) round.wait(seen);
+      if (!spin_until(kSpin, {}, [&] { return round.load() != seen; })) round.wait(seen);
       seen = round.load();
       if (stop.load()) return;
       if (!enter()) continue;
@@ -94,7 +71,7 @@ struct ThreadPool::State {
   }
   void wait_until_empty() {
     auto empty = [&] { return (gate.load() & kInside) == 0; };
-    if (spin_until(empty)) return;
+    if (spin_until(kSpin, {}, empty)) return;
     for (;;) {
       const std::uint32_t before = ended.load();
       if (empty()) return;
