@@ -46,6 +46,24 @@ TEST(Graph, NeverAdoptsOverANewerUserValueNorIntoFixedOrGoneVariables) {  // C5
   EXPECT_TRUE(net.empty());  // no value flag is raised
 }
 
+TEST(Graph, NeverAdoptsIntoAWholeThatCameSince) {  // C5: its variables have the keys of those before
+  Graph graph, another;
+  GraphEdit edit = graph.edit();
+  const auto x = edit.add(V1{});
+  ASSERT_TRUE(graph.apply(edit));
+  const Solution s = solution_of(graph, x, 1.0);
+  GraphEdit other = another.edit();
+  ASSERT_EQ(other.add(V1{{{5.0}}}), x);
+  ASSERT_TRUE(another.apply(other));
+  const Subscription follower = another.subscribe();
+  GraphEdit whole;
+  another.collect(follower, whole);
+  whole.mark_whole();
+  ASSERT_TRUE(graph.apply(whole));
+  ASSERT_TRUE(graph.adopt(s));
+  EXPECT_EQ(graph.value(x).v[0], 5.0);
+}
+
 TEST(Graph, AdoptsNothingOfASolutionThatHoldsANan) {  // C5
   Graph graph;
   GraphEdit edit = graph.edit();

@@ -311,7 +311,8 @@ class ModelOperations {
       const std::array<double, 8> value = value_of(v.ops);
       found.columns[type].keys.push_back(v.id.key);
       found.columns[type].values.push_back(value.data());
-      if (v.fixed || v.set > found.version || (!v.freedom.is_full() && v.restricted > found.version)) {
+      if (v.fixed || std::max(v.added, v.set) > found.version ||
+          (!v.freedom.is_full() && v.restricted > found.version)) {
         ++counts_.kept_from_solution;
         continue;
       }

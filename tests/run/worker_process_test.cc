@@ -258,31 +258,34 @@ TEST_F(WorkerProcessTest, IsNamedAndIgnoresTheTerminalsInterrupt) {
   EXPECT_EQ(worker(), pid);
 }
 
-// R7: no orphan survives its parent's death, however it dies.
+// R7: no orphan survives its parent's death, however it dies, also where somebody has stopped them.
 TEST_F(WorkerProcessTest, DiesWithTheProgram) {
-  int ends[2];
-  ASSERT_EQ(::pipe(ends), 0);
-  const pid_t program = ::fork();
-  if (program == 0) {
-    Zygote zygote = test_zygote();
-    ExecutorOptions options;
-    options.zygote = &zygote;
-    auto executor = std::move(Executor<TravellingSums>::start(ExecutorKind::process, {}, options).value());
-    static_cast<void>(executor.submit({{1.0}, Mishap::sleeps, 60000}));
-    const pid_t pids[] = {zygote.pid(), *children_of(zygote.pid()).begin()};
-    static_cast<void>(!::write(ends[1], pids, sizeof(pids)));
-    ::pause();
-    ::_exit(0);
+  for (const bool stopped : {false, true}) {
+    int ends[2];
+    ASSERT_EQ(::pipe(ends), 0);
+    const pid_t program = ::fork();
+    if (program == 0) {
+      Zygote zygote = test_zygote();
+      ExecutorOptions options;
+      options.zygote = &zygote;
+      auto executor = std::move(Executor<TravellingSums>::start(ExecutorKind::process, {}, options).value());
+      static_cast<void>(executor.submit({{1.0}, Mishap::sleeps, 60000}));
+      const pid_t pids[] = {zygote.pid(), *children_of(zygote.pid()).begin()};
+      static_cast<void>(!::write(ends[1], pids, sizeof(pids)));
+      ::pause();
+      ::_exit(0);
+    }
+    pid_t pids[2] = {};
+    ASSERT_EQ(::read(ends[0], pids, sizeof(pids)), static_cast<ssize_t>(sizeof(pids)));
+    ASSERT_TRUE(exists(pids[0]) && exists(pids[1]));
+    if (stopped) ::kill(pids[1], SIGSTOP), ::kill(pids[0], SIGSTOP);
+    ::kill(program, SIGKILL);
+    int status = 0;
+    ::waitpid(program, &status, 0);
+    EXPECT_TRUE(goes(pids[0])) << stopped;
+    EXPECT_TRUE(goes(pids[1])) << stopped;
+    ::close(ends[0]), ::close(ends[1]);
   }
-  pid_t pids[2] = {};
-  ASSERT_EQ(::read(ends[0], pids, sizeof(pids)), static_cast<ssize_t>(sizeof(pids)));
-  ASSERT_TRUE(exists(pids[0]) && exists(pids[1]));
-  ::kill(program, SIGKILL);
-  int status = 0;
-  ::waitpid(program, &status, 0);
-  EXPECT_TRUE(goes(pids[0]));
-  EXPECT_TRUE(goes(pids[1]));
-  ::close(ends[0]), ::close(ends[1]);
 }
 
 TEST(Zygote, RefusesTwoTasksOfOneNameAndATaskThatItWasNotToldOf) {

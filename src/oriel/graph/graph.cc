@@ -1,5 +1,7 @@
 #include "oriel/graph/graph.h"
 
+#include <algorithm>
+
 #include "oriel/graph/edit_commit.h"
 #include "oriel/graph/edit_validator.h"
 #include "oriel/graph/labels.h"
@@ -48,8 +50,10 @@ Result<void> Graph::adopt(const Solution& solution) noexcept {
     if (pool == nullptr) continue;
     for (std::size_t i = 0; i < c.keys.size(); ++i) {
       const std::uint32_t dense = pool->slots().find(c.keys[i]);
-      if (dense == SlotIndex::kNone || pool->fixed(dense) || pool->versions(dense).value > solution.version) continue;
-      if (!pool->freedom(dense).is_full() && pool->versions(dense).freedom > solution.version) continue;  // held since
+      if (dense == SlotIndex::kNone || pool->fixed(dense)) continue;
+      const VariablePool::Versions& versions = pool->versions(dense);
+      if (std::max(versions.added, versions.value) > solution.version) continue;  // another of that key, or set since
+      if (!pool->freedom(dense).is_full() && versions.freedom > solution.version) continue;  // held since
       pool->set_value(dense, c.values.at(i));
     }
   }

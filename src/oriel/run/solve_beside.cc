@@ -80,6 +80,7 @@ Result<SolveOutput> SolveContext::solve(const SolveInput& input) {
   request->state.solved_version = s.engine.state().solved_version;
   request->state.order = s.edit.whole() ? input.order : s.engine.state().order;
   s.engine.restore(request->state);
+  request->options.trace = input.wants_trace;
   Summary summary = s.engine.solve(request->options);
   s.sequence = input.sequence;
 
@@ -146,6 +147,7 @@ const SolveInput& SolveOwner::collect(const SolveOptions& options) {
     send_values_of_held(*graph_, edit_);
   in.sequence = ++sequence_;
   in.version = graph_->version();
+  in.wants_trace = options.trace;
   append_edit(in.edit, edit_);
   SolveRequest request{options, state_};
   append_solve(in.request, request);

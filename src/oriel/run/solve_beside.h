@@ -25,7 +25,7 @@ struct SolveInput {
   std::uint64_t version = 0;   // of the owner's graph
   Bytes edit, request;
   EliminationOrder order;  // of a large graph, with the whole of it: the state that a worker before had reached
-  bool wants_fingerprint = false;
+  bool wants_fingerprint = false, wants_trace = false;  // of the steps, in the summary
 };
 // A summary that travels, whole.
 struct TravellingSummary {

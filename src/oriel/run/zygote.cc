@@ -277,7 +277,10 @@ Result<Zygote> Zygote::start(std::vector<const TaskOps*> tasks) {
     ends->first.close();
     become_child("oriel:zygote");
     OwnedFd program = watch(parent);
-    if (!program) die_with(parent);         // Linux before 5.3
+    if (program)
+      ::prctl(PR_SET_PDEATHSIG, SIGCONT);  // one that was stopped has to see it, too
+    else
+      die_with(parent);                     // Linux before 5.3
     if (::getppid() != parent) ::_exit(0);  // it died before that was heard
     try {
       ZygoteServer(std::move(ends->second), std::move(program), std::move(tasks)).serve();
