@@ -103,7 +103,7 @@ class ThreadRunner final : public JobRunner {
     std::unique_lock lock(mutex_);
     const auto ready = [&] { return state_ == State::finished; };
     const bool waits = !ready();
-    if (waits && spin_.ns > 0) look(lock, ready);
+    if (waits) look(lock, ready);
     if (time_limit_.ns > 0)
       changed_.wait_until(lock, began_ + std::chrono::nanoseconds(time_limit_.ns), ready);
     else
@@ -137,6 +137,7 @@ class ThreadRunner final : public JobRunner {
   template <class F>
   void look(std::unique_lock<std::mutex>& lock, F&& ready) {
     const Look look = usual_.look(so_far(), spin_);
+    if (look.time.ns <= 0) return;
     const Duration most = time_limit_.ns > 0 ? std::max(time_limit_ - so_far(), Duration{}) : Duration{INT64_MAX};
     const Duration after = std::min(look.after, most), time = std::min(look.time, most - after);
     if (changed_.wait_for(lock, std::chrono::nanoseconds(after.ns), ready)) return;
