@@ -7,6 +7,7 @@
 #include <sys/mman.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <cstring>
 #include <random>
 
@@ -21,7 +22,7 @@ Bytes pattern(std::size_t size, unsigned seed) {
   return out;
 }
 bool equal(std::span<const std::byte> a, const Bytes& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), b.size()) == 0;
+  return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin());
 }
 
 class Sockets : public ::testing::Test {

@@ -50,10 +50,11 @@ inline bool goes(pid_t pid) {
 }
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-inline constexpr bool kMayLimitMemory = false;  // shadow memory is larger than any limit
+inline constexpr bool kSanitized = true;  // some ten times slower
 #else
-inline constexpr bool kMayLimitMemory = true;
+inline constexpr bool kSanitized = false;
 #endif
+inline constexpr bool kMayLimitMemory = !kSanitized;  // shadow memory is larger than any limit
 
 // Open files of this process, memory that is shared among them.
 inline int descriptor_count() {

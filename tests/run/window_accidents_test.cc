@@ -107,8 +107,8 @@ struct AltimeterTypes {
   }
 };
 
-constexpr double kTimeLimit = 0.1;   // [s] of a job
-constexpr double kBegunAnew = 0.03;  // [s] that a new worker and another solve may take
+constexpr double kTimeLimit = kSanitized ? 3.0 : 0.1;  // [s] of a job
+constexpr double kBegunAnew = 0.03;                    // [s] that a new worker and another solve may take
 
 class WindowAccidents : public ::testing::TestWithParam<bool> {  // whether solves go on beside the updates
  protected:
@@ -195,7 +195,9 @@ TEST_P(WindowAccidents, HaveTheTrajectoryOfTheUndisturbedRunAndLeaveNothingBehin
   EXPECT_TRUE(same_bits(stormy.causal, calm.causal));
   EXPECT_TRUE(same_bits(stormy.final, calm.final));
   // 100 ms are the claim; tests share their machine with whatever else runs on it.
-  EXPECT_LT(stormy.longest_s, is_long() ? 0.1 : 2.0);
+  if (!kSanitized) {
+    EXPECT_LT(stormy.longest_s, is_long() ? 0.1 : 2.0);
+  }
   EXPECT_TRUE(goes_childless(zygote_.pid()));
   EXPECT_EQ(descriptor_count(), descriptors);
   EXPECT_EQ(thread_count(), threads);

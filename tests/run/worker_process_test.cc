@@ -88,8 +88,9 @@ TEST_F(WorkerProcessTest, DeliversAResultThatHadArrivedBeforeItsProcessWasKilled
   auto executor = make();
   ASSERT_TRUE(executor.submit({std::vector<double>(20000, 1.0)}));  // through shared memory
   while (executor.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  ::kill(worker(), SIGKILL);
-  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  const pid_t killed = worker();
+  ::kill(killed, SIGKILL);
+  ASSERT_TRUE(goes(killed));
   const JobReport report = executor.write_back(world_);
   EXPECT_EQ(report.status, JobStatus::done) << report;
   EXPECT_EQ(world_.values.size(), 20000u);
@@ -136,8 +137,9 @@ TEST_F(WorkerProcessTest, SaysWhereAContextThatCannotTravelWasMadeAnew) {
     EXPECT_FALSE(executor.write_back(world_).context_anew);
   }
   EXPECT_EQ(world_.jobs, 3);
-  ::kill(worker(), SIGKILL);
-  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  const pid_t killed = worker();
+  ::kill(killed, SIGKILL);
+  ASSERT_TRUE(goes(killed));
   ASSERT_TRUE(executor.submit({{1.0}}));
   const JobReport report = executor.write_back(world_);
   EXPECT_EQ(report.status, JobStatus::done);
