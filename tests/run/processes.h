@@ -8,8 +8,10 @@
 #include <cstdlib>
 #include <fstream>
 #include <set>
+#include <sstream>
 #include <string>
 #include <thread>
+#include <vector>
 
 namespace oriel {
 
@@ -38,12 +40,16 @@ inline bool goes_childless(pid_t parent) {
   return children_of(parent).empty();
 }
 
-// Whether it ends within five seconds; one that nobody waits for has gone, too.
+// Whether it ends within five seconds, with all its threads; one that nobody waits for has gone, too.
 inline bool goes(pid_t pid) {
   for (int i = 0; i < 500; ++i) {
     std::ifstream stat("/proc/" + std::to_string(pid) + "/stat");
     std::string text;
-    if (!std::getline(stat, text) || text.find(") Z") != std::string::npos) return true;
+    if (!std::getline(stat, text)) return true;
+    std::istringstream fields(text.substr(text.rfind(')') + 1));
+    std::vector<std::string> field(18);  // the state comes first, how many threads there are last
+    for (std::string& f : field) fields >> f;
+    if (field[0] == "Z" && std::atoi(field[17].c_str()) <= 1) return true;
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   return false;
