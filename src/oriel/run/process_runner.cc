@@ -61,16 +61,14 @@ class ProcessRunner final : public JobRunner {
     }
   }
   JobReport finish_or_retry(Bytes& output) override {
-    JobReport r = await(output);
+    const JobReport r = await(output);
     const bool again = r.worker_lost && (r.status != JobStatus::timed_out || options_.retry_late);
-    while (again && retries_-- > 0) {
-      if (options_.retry_late) began_ = Clock::now();
-      if (left().ns <= 0) break;
-      const auto sent = send_job();
-      if (sent) return report(JobStatus::accepted);
-      r = lost(JobStatus::died, sent.error().text());
-    }
-    return r;
+    if (!again || retries_-- <= 0) return r;
+    if (options_.retry_late) began_ = Clock::now();
+    if (left().ns <= 0) return r;
+    // Where there is no worker to be had another try would wait for the zygote again, and have none either.
+    if (auto ok = send_job(); !ok) return lost(JobStatus::died, ok.error().text());
+    return report(JobStatus::accepted);
   }
   void terminate() override { end_worker(); }
 

@@ -159,7 +159,8 @@ void SolveOwner::submitted() {
 }
 
 Result<void> SolveOwner::collect_again() {
-  input_.order = state_.order;
+  // One that was told everything began with the order that it was told.
+  if (!edit_.whole()) input_.order = state_.order;
   return told_.tell(types_, input_.edit);
 }
 

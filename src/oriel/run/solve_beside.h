@@ -9,8 +9,9 @@
 // The worker holds a replica that follows by net edits (change_log.h) and keeps its structure from job to job. For one
 // that can be lost the owner's side keeps what it was told (kept_graph.h): the checkpoint, from which another does the
 // job again and comes to the same bits, whatever was edited meanwhile. After a job that failed the next one takes the
-// whole graph. Submit and write_back stand at points that the owner's data define (a keyframe, so many updates later);
-// then a run has the same bits wherever it is solved.
+// whole graph. Values are changed by edits and by what is found here: what an engine of the owner's adopts into the
+// same graph no worker hears of. Submit and write_back stand at points that the owner's data define (a keyframe, so
+// many updates later); then a run has the same bits wherever it is solved.
 #pragma once
 #include "oriel/run/executor.h"
 #include "oriel/run/kept_graph.h"
