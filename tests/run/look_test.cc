@@ -20,6 +20,15 @@ TEST(UsualTime, LooksShortlyBeforeTheQuickestOfTheLastWouldBeThere) {
   EXPECT_EQ(usual.look({}, us(0)).time, us(0));
 }
 
+TEST(Look, EndsWithTheWait) {
+  const Look look{us(300), us(500)};
+  EXPECT_EQ(look.within(us(1000)).time, us(500));
+  EXPECT_EQ(look.within(us(400)).after, us(300));
+  EXPECT_EQ(look.within(us(400)).time, us(100));
+  EXPECT_EQ(look.within(us(200)).after, us(200));
+  EXPECT_EQ(look.within(us(200)).time, us(0));
+}
+
 TEST(UsualTime, SleepsForWhatComesAtOnce) {
   UsualTime usual;
   usual.took(us(20));

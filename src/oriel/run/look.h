@@ -11,11 +11,17 @@ namespace oriel {
 // Of a wait: it sleeps for `after`, then looks for so long, then sleeps again.
 struct Look {
   Duration after{0}, time{0};
+
+  // The same in a wait that ends after so long.
+  Look within(Duration limit) const {
+    const Duration sleeps = std::min(after, limit);
+    return {sleeps, std::min(time, limit - sleeps)};
+  }
 };
 
 // From how long the last answers took: the next is looked for from shortly before the quickest of them would be there.
 // Where answers take now this long and now that, by more than one looks for, those that are late are slept for; and
-// those that come at once: who sleeps leaves his core, which is awake, to whoever answers.
+// those that come at once (decision 18 says what was seen of them).
 class UsualTime {
  public:
   // Only of answers that were waited for: when others came nobody saw.

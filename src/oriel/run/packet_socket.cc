@@ -213,8 +213,7 @@ Result<PacketSocket::Got> PacketSocket::receive(Packet& out, Duration limit, con
   out.parts = {};
   if (!fd_) return Got::gone;
   const Deadline deadline(limit);
-  const Duration most = limit.ns > 0 ? limit : Duration{INT64_MAX}, after = std::min(look.after, most);
-  look_for_news({after, std::min(look.time, most - after)});
+  look_for_news(limit.ns > 0 ? look.within(limit) : look);
   out.inline_.resize(sizeof(PacketHead) + kMostInline);
   alignas(cmsghdr) std::array<char, CMSG_SPACE(2 * sizeof(int))> control{};
   msghdr message{};

@@ -136,13 +136,12 @@ class ThreadRunner final : public JobRunner {
   bool is_late() const { return time_limit_.ns > 0 && so_far() >= time_limit_; }
   template <class F>
   void look(std::unique_lock<std::mutex>& lock, F&& ready) {
-    const Look look = usual_.look(so_far(), spin_);
+    Look look = usual_.look(so_far(), spin_);
+    if (time_limit_.ns > 0) look = look.within(std::max(time_limit_ - so_far(), Duration{}));
     if (look.time.ns <= 0) return;
-    const Duration most = time_limit_.ns > 0 ? std::max(time_limit_ - so_far(), Duration{}) : Duration{INT64_MAX};
-    const Duration after = std::min(look.after, most), time = std::min(look.time, most - after);
-    if (changed_.wait_for(lock, std::chrono::nanoseconds(after.ns), ready)) return;
+    if (changed_.wait_for(lock, std::chrono::nanoseconds(look.after.ns), ready)) return;
     lock.unlock();
-    spin_until(std::chrono::nanoseconds(time.ns), kPace, ready);
+    spin_until(std::chrono::nanoseconds(look.time.ns), kPace, ready);
     lock.lock();
   }
   void serve(Result<void>& made) {
