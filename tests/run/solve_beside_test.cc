@@ -200,6 +200,35 @@ TEST(SolveBeside, AgreesOnWhatWasHeldForTheTimeOfASolve) {
   }
 }
 
+// C5, R2: no edit tells a worker of what another engine adopts; its next job has the graph as it is all the same.
+TEST(SolveBeside, BeginsFromWhatAnEngineOfItsOwnersFoundBeforeAndMeanwhile) {
+  Zygote zygote = Zygote::start({&Beside::kTask}).value();
+  for (const ExecutorKind kind : {ExecutorKind::in_place, ExecutorKind::thread, ExecutorKind::process})
+    for (const bool meanwhile : {false, true}) {
+      testing_graph::RandomGraph origin(21, true);
+      ExecutorOptions options;
+      options.zygote = &zygote;
+      auto beside = std::move(Beside::start(origin.graph, kind, options).value());
+      beside.want_fingerprints();
+      NativeEngine engine(origin.graph);
+      SolveOptions once, none;
+      once.max_iterations = 1, none.max_iterations = 0;
+      int moved = 0;
+      for (int round = 0; round < 20; ++round) {
+        const std::string where = std::string(name_of(kind)) + ' ' + std::to_string(round);
+        ASSERT_TRUE(origin.step(8));
+        ASSERT_TRUE(beside.submit(once));
+        if (meanwhile) moved += engine.solve({}).accepted > 0;
+        ASSERT_EQ(beside.write_back().status, JobStatus::done) << where;
+        if (!meanwhile) moved += engine.solve({}).accepted > 0;
+        ASSERT_TRUE(beside.submit(none));
+        ASSERT_EQ(beside.write_back().status, JobStatus::done) << where;
+        ASSERT_EQ(beside.outcome().fingerprint, fingerprint(origin.graph)) << where;
+      }
+      EXPECT_GT(moved, 5);
+    }
+}
+
 // Draws a point to x = 3, and once takes its time for it.
 struct Slow {
   static constexpr std::string_view kName = "test.slow/1";

@@ -29,6 +29,7 @@ Result<void> Graph::replace(GraphEdit& whole) noexcept {
   for (const auto& p : pools_) fresh.pool_index(&p->ops());
   for (const auto& t : tables_) fresh.table_index(&t->ops());
   fresh.version_ = version_;
+  fresh.adoptions_ = adoptions_;
   if (auto ok = EditValidator(fresh, whole, fresh.marks_).validate(); !ok) return ok;
   EditCommit(fresh, whole).run();
   fresh.structure_version_ = fresh.freedom_version_ = fresh.version_;
@@ -44,7 +45,7 @@ Result<void> Graph::adopt(const Solution& solution) noexcept {
       if (!c.ops->finite(c.values.at(i)))
         return Error{ErrorCode::not_finite,
                      "adopt: the value of " + describe({c.ops->key, c.keys[i]}) + " is not finite"};
-  ++version_;
+  ++version_, ++adoptions_;
   for (const Solution::Column& c : solution.columns) {
     VariablePool* pool = pool_of(c.ops->key);
     if (pool == nullptr) continue;

@@ -56,7 +56,7 @@ class Graph {
   // graph's. Then nothing has changed.
   Result<void> apply(GraphEdit& edit) noexcept;
 
-  // Takes over values; leaves out what is fixed, gone, or was set or restricted by the user after the solution's
+  // Takes over values; leaves out what is fixed, gone, or was added, set or restricted by the user after the solution's
   // version. Refused whole if any value is not finite. Raises no flag for followers (C5).
   Result<void> adopt(const Solution& solution) noexcept;
 
@@ -99,6 +99,8 @@ class Graph {
   // Grows with every change; structure_version only when variables, factors or fixed flags change.
   std::uint64_t version() const { return version_; }
   std::uint64_t structure_version() const { return structure_version_; }
+  // Grows with every solution that is adopted: what a follower by edits alone does not hear of.
+  std::uint64_t adoptions() const { return adoptions_; }
   bool fixed(VariableKey id) const;
   // Grows when a freedom changes, which is no change of structure.
   std::uint64_t freedom_version() const { return freedom_version_; }
@@ -163,7 +165,7 @@ class Graph {
   std::vector<VariableRef> prior_refs_;  // scratch of apply
   edit::SlotMarks marks_;                // scratch of apply
   GraphEdit derived_;                    // scratch of apply: priors that lose variables
-  std::uint64_t version_ = 0, structure_version_ = 0, freedom_version_ = 0, next_serial_ = 1;
+  std::uint64_t version_ = 0, structure_version_ = 0, freedom_version_ = 0, adoptions_ = 0, next_serial_ = 1;
 };
 
 template <class F>

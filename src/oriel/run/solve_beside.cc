@@ -114,6 +114,7 @@ SolveOwner::SolveOwner(SolveOwner&& other) noexcept
       subscribed_(other.subscribed_),
       whole_(other.whole_),
       sequence_(other.sequence_),
+      adoptions_(other.adoptions_),
       state_(other.state_),
       outcome_(other.outcome_),
       summary_(std::move(other.summary_)),
@@ -133,6 +134,7 @@ void SolveOwner::begin_anew() {
   whole_ = true;
   sequence_ = 0;
   told_.forget();
+  adoptions_ = graph_->adoptions();
 }
 
 const SolveInput& SolveOwner::collect(const SolveOptions& options) {
@@ -140,6 +142,7 @@ const SolveInput& SolveOwner::collect(const SolveOptions& options) {
   in.edit.clear();
   in.request.clear();
   in.order = {};
+  if (graph_->adoptions() != adoptions_) begin_anew();
   graph_->collect(subscription_, edit_);
   if (std::exchange(whole_, false))
     edit_.mark_whole(), in.order = state_.order;
@@ -181,7 +184,10 @@ Result<void> SolveOwner::take(const SolveOutput& output) {
   if (auto ok = read_solution(*solution, types_, solution_); !ok) return ok;
   if (told_.knows()) told_.solved(output.solution);
   solution_.version = output.version;  // what the owner set since then stays
-  return graph_->adopt(solution_);
+  const bool knows = graph_->adoptions() == adoptions_;
+  auto adopted = graph_->adopt(solution_);
+  if (knows) adoptions_ = graph_->adoptions();
+  return adopted;
 }
 
 }  // namespace run_detail

@@ -9,9 +9,9 @@
 // The worker holds a replica that follows by net edits (change_log.h) and keeps its structure from job to job. For one
 // that can be lost the owner's side keeps what it was told (kept_graph.h): the checkpoint, from which another does the
 // job again and comes to the same bits, whatever was edited meanwhile. After a job that failed the next one takes the
-// whole graph. Values are changed by edits and by what is found here: what an engine of the owner's adopts into the
-// same graph no worker hears of. Submit and write_back stand at points that the owner's data define (a keyframe, so
-// many updates later); then a run has the same bits wherever it is solved.
+// whole graph; so it does where something else than what is found here was adopted into the graph, by an engine of the
+// owner's, since no edit tells a worker of that. Submit and write_back stand at points that the owner's data define (a
+// keyframe, so many updates later); then a run has the same bits wherever it is solved.
 #pragma once
 #include "oriel/run/executor.h"
 #include "oriel/run/kept_graph.h"
@@ -109,6 +109,7 @@ class SolveOwner {
   Subscription subscription_;
   bool subscribed_ = false, whole_ = true;
   std::uint64_t sequence_ = 0;
+  std::uint64_t adoptions_ = 0;  // of the graph, that the worker knows of
   SolverState state_;
   SolveOutcome outcome_;
   Summary summary_;
