@@ -37,7 +37,7 @@ void expect_pack_equals_double(const R& residual, const V&... x) {
                       std::tuple_cat(one(std::get<I>(blocks), std::integral_constant<int, T::kDims[I]>{})...));
   }
   (std::make_index_sequence<T::kArity>{});
-  EXPECT_NE(valid.v[3], 0);
+  EXPECT_TRUE(valid[3]);
   for (int i = 0; i < T::kDim; ++i) EXPECT_NEAR(packed[i][3], r[i], 1e-13 * (1.0 + std::fabs(r[i]))) << R::kName;
   [&]<std::size_t... I>(std::index_sequence<I...>) {
     auto compare = [&](const auto& block, auto dim, int column) {

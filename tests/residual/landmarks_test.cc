@@ -127,7 +127,7 @@ TEST(Landmarks2, OfEightRowsAtOnceAreThoseOfEach) {
     Mat<double, 2, 3> J_a;
     Mat<double, 2, 2> J_l;
     const bool one = BearingRange2d{bearings[lane], 2.0 + lane}.evaluate(kNorth, Point2d{places[lane]}, r, &J_a, &J_l);
-    EXPECT_EQ(valid.v[lane] != 0, one) << lane;
+    EXPECT_EQ(valid[lane], one) << lane;
     EXPECT_EQ(one, lane != 5);
     for (int i = 0; i < 2; ++i) {
       EXPECT_NEAR(packed[i][lane], r[i], 1e-13 * (1.0 + std::fabs(r[i]))) << lane;

@@ -108,7 +108,7 @@ TEST(Range, OfEightRowsAtOnceIsThatOfEach) {
     Vec1d r;
     Mat<double, 1, 6> J;
     const Beacond place{{{places[lane][0], places[lane][1], places[lane][2]}}};
-    EXPECT_EQ((RangeToBeacond{ranges[lane]}.evaluate(kTurnedLeft, place, {}, r, &J)), valid.v[lane] != 0) << lane;
+    EXPECT_EQ((RangeToBeacond{ranges[lane]}.evaluate(kTurnedLeft, place, {}, r, &J)), valid[lane]) << lane;
     if (lane == 5) continue;
     EXPECT_NEAR(packed[0][lane], r[0], 1e-14 * (1.0 + std::fabs(r[0])));
     for (int i = 0; i < 6; ++i) EXPECT_NEAR(J_packed(0, i)[lane], J(0, i), 1e-13);

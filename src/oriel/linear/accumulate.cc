@@ -12,7 +12,8 @@
 namespace oriel {
 namespace {
 
-using lanes::kLanes, lanes::kStride, lanes::load, lanes::store, lanes::turn, lanes::V8;
+using lanes::kLanes, lanes::kNative, lanes::kParts, lanes::kStride, lanes::load, lanes::load_as, lanes::Native,
+    lanes::store, lanes::V8;
 
 // Columns of J of eight rows: component r of column c, eight lanes, stands at from[(c * dim + r) * stride]. Those from
 // `rows` on are zeros in all columns.
@@ -34,13 +35,10 @@ struct Tile {
   static constexpr int kEntries = (kLargestKernelDim * kLargestKernelDim + 7) / 8 * 8;
   alignas(64) double by_lane[kLanes][kEntries];
 
-  void fill(const V8* entries, int count) {
-    for (int e = 0; e < count; e += 8) {
-      V8 x[8];
-      for (int k = 0; k < 8; ++k) x[k] = e + k < count ? entries[e + k] : V8{};
-      turn(x);
-      for (int l = 0; l < 8; ++l) store(&by_lane[l][e], x[l]);
-    }
+  // Fills up with zeros.
+  void fill(V8* entries, int count) {
+    for (; count % 8 != 0; ++count) entries[count] = V8(0.0);
+    for (int e = 0; e < count; e += 8) lanes::store_by_lane(entries + e, &by_lane[0][e], kEntries);
   }
 };
 
@@ -50,15 +48,21 @@ void multiply(const Columns& a, const Columns& b, Tile& tile) {
   const int dim = a.dim, rows = std::min(a.rows, b.rows);
   V8 p[Tile::kEntries];
   int e = 0;
-  for (int c = 0; c < DB; ++c) {
-    V8 s[DA];
-    for (int i = kLower ? c : 0; i < DA; ++i)
-      s[i] = load(a.from + i * dim * a.stride) * load(b.from + c * dim * b.stride);
-    for (int r = 1; r < rows; ++r) {
-      const V8 bc = load(b.from + (c * dim + r) * b.stride);
-      for (int i = kLower ? c : 0; i < DA; ++i) s[i] += load(a.from + (i * dim + r) * a.stride) * bc;
+  for (int c = 0; c < DB; e += DA - (kLower ? c : 0), ++c) {
+    const int first = kLower ? c : 0;
+#pragma GCC unroll 4
+    for (int part = 0; part < kParts; ++part) {  // DA sums of one part are what registers hold
+      const double* const x = a.from + part * kNative;
+      const double* const y = b.from + part * kNative;
+      Native s[DA];
+      const Native y0 = load_as<Native>(y + c * dim * b.stride);
+      for (int i = first; i < DA; ++i) s[i] = load_as<Native>(x + i * dim * a.stride) * y0;
+      for (int r = 1; r < rows; ++r) {
+        const Native yr = load_as<Native>(y + (c * dim + r) * b.stride);
+        for (int i = first; i < DA; ++i) s[i] += load_as<Native>(x + (i * dim + r) * a.stride) * yr;
+      }
+      for (int i = first; i < DA; ++i) p[e + i - first].v[part] = s[i];
     }
-    for (int i = kLower ? c : 0; i < DA; ++i) p[e++] = s[i];
   }
   tile.fill(p, e);
 }
@@ -115,7 +119,7 @@ void pair_fallback(int da, int db, const Columns& a, const Columns& b, const Des
   int e = 0;
   for (int c = 0; c < db; ++c)
     for (int i = a.from == b.from ? c : 0; i < da; ++i, ++e) {
-      V8 s{};
+      V8 s(0.0);
       for (int r = 0; r < a.dim; ++r)
         s += load(a.from + (i * a.dim + r) * a.stride) * load(b.from + (c * a.dim + r) * b.stride);
       for (int l = 0; l < kLanes; ++l) {
@@ -161,17 +165,17 @@ class Compact {
     const double* const from = batch.J + column * batch.dim * kStride + lane;
     int rows = 0;
     for (int r = batch.dim - 1; r >= 0; --r) {
-      Pack::NativeMask any{};
+      Pack::Mask any = {};
       for (int c = 0; c < dim; ++c) {
         const V8 v = load(from + (c * batch.dim + r) * kStride);
         store(to + (c * batch.dim + r) * kLanes, v);
-        Pack::NativeMask bits;
+        Pack::Mask bits;
         std::memcpy(&bits, &v, sizeof(bits));
-        any |= bits;
+        any = any | bits;
       }
-      long long bits = 0;
-      for (int l = 0; rows == 0 && l < kLanes; ++l) bits |= any[l];
-      if (rows == 0 && bits != 0) rows = r + 1;
+      bool some = false;
+      for (int l = 0; rows == 0 && l < kLanes; ++l) some |= any[l];
+      if (some) rows = r + 1;
     }
     return {to, batch.dim, kLanes, std::max(rows, 1)};
   }

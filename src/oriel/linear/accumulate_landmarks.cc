@@ -1,5 +1,6 @@
 #include "oriel/linear/accumulate_landmarks.h"
 
+#include <algorithm>
 #include <array>
 
 #include "oriel/linear/kernel_dims.h"
@@ -9,7 +10,8 @@
 namespace oriel {
 namespace {
 
-using lanes::kLanes, lanes::kStride, lanes::load, lanes::store, lanes::turn, lanes::V8;
+using lanes::kLanes, lanes::kNative, lanes::kParts, lanes::kStride, lanes::load, lanes::load_as, lanes::Native,
+    lanes::V8;
 
 constexpr int kMostOthers = static_cast<int>(kMostLandmarkArguments) - 1;
 constexpr int kMostEntries =
@@ -18,25 +20,36 @@ constexpr int kMostEntries =
 // out = Aᵀ B over residual rows, eight lanes at once, column by column; A and B are columns of J.
 template <int DA, int DB>
 void multiply(const double* a, const double* b, int dim, V8* out) {
-  V8 s[DA * DB] = {};
-  for (int r = 0; r < dim; ++r) {
-    V8 x[DA];
-#pragma GCC unroll 9
-    for (int i = 0; i < DA; ++i) x[i] = load(a + (i * dim + r) * kStride);
+#if defined(__AVX512F__)
+  constexpr int kColumns = DB;  // 32 registers
+#else
+  constexpr int kColumns = std::min(DB, std::max(1, 12 / DA));  // of B at once; 16 registers
+#endif
+  for (int part = 0; part < kParts; ++part, a += kNative, b += kNative)
 #pragma GCC unroll 3
-    for (int c = 0; c < DB; ++c) {
-      const V8 y = load(b + (c * dim + r) * kStride);
+    for (int c0 = 0; c0 < DB; c0 += kColumns) {
+      Native s[DA * kColumns] = {};
+      for (int r = 0; r < dim; ++r) {
+        Native x[DA];
 #pragma GCC unroll 9
-      for (int i = 0; i < DA; ++i) s[c * DA + i] += x[i] * y;
-    }
-  }
+        for (int i = 0; i < DA; ++i) x[i] = load_as<Native>(a + (i * dim + r) * kStride);
+#pragma GCC unroll 3
+        for (int c = 0; c < kColumns; ++c) {
+          if (c0 + c >= DB) break;
+          const Native y = load_as<Native>(b + ((c0 + c) * dim + r) * kStride);
+#pragma GCC unroll 9
+          for (int i = 0; i < DA; ++i) s[c * DA + i] += x[i] * y;
+        }
+      }
 #pragma GCC unroll 27
-  for (int k = 0; k < DA * DB; ++k) out[k] = s[k];
+      for (int k = 0; k < DA * kColumns; ++k)
+        if (c0 * DA + k < DA * DB) out[c0 * DA + k].v[part] = s[k];
+    }
 }
 void multiply_any(int da, int db, const double* a, const double* b, int dim, V8* out) {
   for (int c = 0; c < db; ++c)
     for (int i = 0; i < da; ++i) {
-      V8 s{};
+      V8 s(0.0);
       for (int r = 0; r < dim; ++r) s += load(a + (i * dim + r) * kStride) * load(b + (c * dim + r) * kStride);
       out[c * da + i] = s;
     }
@@ -98,7 +111,8 @@ struct Layout {
 
 // V (whole), g, then W by argument, of eight rows: entries of a lane stand together.
 struct Products {
-  alignas(64) double by_lane[kLanes][(kMostEntries + 7) / 8 * 8];
+  static constexpr int kEntries = (kMostEntries + 7) / 8 * 8;
+  alignas(64) double by_lane[kLanes][kEntries];
 
   void fill(const Layout& layout, const Batch& batch, int lane, std::int64_t& fallbacks) {
     V8 p[kMostEntries + 8];
@@ -119,35 +133,32 @@ struct Products {
   // A landmark of one number that `Others` poses see: all sums in registers at once.
   template <int Others>
   void fill_by_poses(const Layout& layout, const Batch& batch, int lane) {
-    constexpr int kEntries = 2 + 6 * Others;
-    V8 p[kEntries] = {};
-    for (int r = 0; r < batch.dim; ++r) {
-      const V8 m = load(layout.landmark + lane + r * kStride);
-      p[0] += m * m;
-      p[1] += m * load(batch.r + lane + r * kStride);
+    constexpr int kSums = 2 + 6 * Others;
+#pragma GCC unroll 4
+    for (int part = 0; part < kParts; ++part) {
+      const int at = lane + part * kNative;
+      Native p[(kSums + kNative - 1) / kNative * kNative] = {};
+      for (int r = 0; r < batch.dim; ++r) {
+        const Native m = load_as<Native>(layout.landmark + at + r * kStride);
+        p[0] += m * m;
+        p[1] += m * load_as<Native>(batch.r + at + r * kStride);
 #pragma GCC unroll 12
-      for (int i = 0; i < 6 * Others; ++i)
-        p[2 + i] += load(layout.others[i / 6].columns + lane + (i % 6 * batch.dim + r) * kStride) * m;
-    }
-#pragma GCC unroll 2
-    for (int e = 0; e < kEntries; e += 8) {
-      V8 x[8];
+        for (int i = 0; i < 6 * Others; ++i)
+          p[2 + i] += load_as<Native>(layout.others[i / 6].columns + at + (i % 6 * batch.dim + r) * kStride) * m;
+      }
 #pragma GCC unroll 8
-      for (int k = 0; k < 8; ++k) x[k] = e + k < kEntries ? p[e + k] : V8{};
-      turn(x);
+      for (int e = 0; e < kSums; e += kNative) {
+        Native square[kNative];
 #pragma GCC unroll 8
-      for (int l = 0; l < kLanes; ++l) store(&by_lane[l][e], x[l]);
+        for (int k = 0; k < kNative; ++k) square[k] = p[e + k];
+        lanes::turn(square);
+#pragma GCC unroll 8
+        for (int l = 0; l < kNative; ++l) lanes::store(&by_lane[part * kNative + l][e], square[l]);
+      }
     }
   }
   void turn_over(const V8* p, int entries) {
-    for (int e = 0; e < entries; e += 8) {
-      V8 x[8];
-#pragma GCC unroll 8
-      for (int k = 0; k < 8; ++k) x[k] = p[e + k];
-      turn(x);
-#pragma GCC unroll 8
-      for (int l = 0; l < kLanes; ++l) store(&by_lane[l][e], x[l]);
-    }
+    for (int e = 0; e < entries; e += 8) lanes::store_by_lane(p + e, &by_lane[0][e], kEntries);
   }
 };
 

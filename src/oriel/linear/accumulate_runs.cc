@@ -10,9 +10,13 @@
 namespace oriel {
 namespace {
 
-using lanes::kLanes, lanes::kStride, lanes::load, lanes::store, lanes::V8;
+using lanes::kNative, lanes::kStride, lanes::load_as, lanes::Native;
 
+#if defined(__AVX512F__)
 constexpr int kRegisters = 24;  // running sums at once
+#else
+constexpr int kRegisters = 12;
+#endif
 constexpr int kMostColumns = 4;
 
 // Columns of an argument against others: each of these, times all of the argument's columns, is a column of sums.
@@ -28,42 +32,29 @@ struct Column {
 // the lanes are made at the end, in registers.
 template <int DA, int N>
 void sum_columns(const double* a, const Column* b, int dim, int count) {
-  V8 s[N][DA] = {};
-  for (int g = 0; g < count; g += kLanes)
+  Native s[N][DA] = {};
+  for (int g = 0; g < count; g += kNative)
     for (int r = 0; r < dim; ++r) {
-      V8 x[DA];
+      Native x[DA];
 #pragma GCC unroll 9
-      for (int i = 0; i < DA; ++i) x[i] = load(a + (i * dim + r) * kStride + g);
+      for (int i = 0; i < DA; ++i) x[i] = load_as<Native>(a + (i * dim + r) * kStride + g);
 #pragma GCC unroll 4
       for (int c = 0; c < N; ++c) {
-        const V8 y = load(b[c].from + r * kStride + g);
+        const Native y = load_as<Native>(b[c].from + r * kStride + g);
 #pragma GCC unroll 9
         for (int i = 0; i < DA; ++i) s[c][i] += x[i] * y;
       }
     }
 #pragma GCC unroll 4
   for (int c = 0; c < N; ++c) {
-    V8 t[8] = {};
-    constexpr int kHead = std::min(DA, 8);
-#pragma GCC unroll 8
-    for (int i = 0; i < kHead; ++i) t[i] = s[c][i];
-    const V8 sums = lanes::sum_each(t);
-    double last = 0.0;
-    if constexpr (DA == 9) {
-      const V8 t9[8] = {s[c][8]};
-      last = lanes::sum_each(t9)[0];
-    }
+    alignas(64) double sums[16];
+    lanes::store_sums<DA>(s[c], sums);
     if (b[c].to != nullptr && b[c].first == 0) {
-      lanes::add<kHead>(b[c].to, sums);
-      if constexpr (DA == 9) b[c].to[8] += last;
+      lanes::add<DA>(b[c].to, sums);
     } else if (b[c].to != nullptr) {
-      for (int i = b[c].first; i < kHead; ++i) b[c].to[i] += sums[i];
-      if constexpr (DA == 9) b[c].to[8] += last;
+      for (int i = b[c].first; i < DA; ++i) b[c].to[i] += sums[i];
     }
-    if (b[c].turned != nullptr) {
-      for (int i = 0; i < kHead; ++i) b[c].turned[i * b[c].ld] += sums[i];
-      if constexpr (DA == 9) b[c].turned[8 * b[c].ld] += last;
-    }
+    for (int i = 0; b[c].turned != nullptr && i < DA; ++i) b[c].turned[i * b[c].ld] += sums[i];
   }
 }
 

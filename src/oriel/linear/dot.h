@@ -1,7 +1,5 @@
 // Scalar product with eight running sums: the order of its additions is a function of the length alone.
 #pragma once
-#include <cstring>
-
 #include "oriel/base/pack.h"
 
 namespace oriel {
@@ -9,12 +7,7 @@ namespace oriel {
 inline double dot(const double* a, const double* b, int n) {
   Pack s(0.0);
   int i = 0;
-  for (; i + Pack::kLanes <= n; i += Pack::kLanes) {
-    Pack x, y;
-    std::memcpy(&x.v, a + i, sizeof(x.v));
-    std::memcpy(&y.v, b + i, sizeof(y.v));
-    s += x * y;
-  }
+  for (; i + Pack::kLanes <= n; i += Pack::kLanes) s += Pack::load(a + i) * Pack::load(b + i);
   double sum = 0.0;
   for (int l = 0; l < Pack::kLanes; ++l) sum += s[l];
   for (; i < n; ++i) sum += a[i] * b[i];

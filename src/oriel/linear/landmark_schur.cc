@@ -6,6 +6,7 @@
 
 #include "oriel/linear/dense_kernels.h"
 #include "oriel/linear/dot.h"
+#include "oriel/linear/lanes.h"
 
 namespace oriel {
 namespace {
@@ -58,48 +59,59 @@ struct SmallCholesky {
   }
 };
 
-// Z = W L⁻ᵀ, columns of `rows` values with leading dimension ld.
-void make_z(const SmallCholesky& c, const double* __restrict w, int rows, double* __restrict z, std::int64_t ld) {
-  for (int j = 0; j < c.n; ++j) {
-    double* zj = z + j * ld;
-    const double* wj = w + static_cast<std::int64_t>(j) * rows;
-    for (int i = 0; i < rows; ++i) {
-      double x = wj[i];
-      for (int k = 0; k < j; ++k) x -= z[k * ld + i] * c.l[j][k];
-      zj[i] = x * c.inverse[j];
+// Z = W L⁻ᵀ, columns of `rows` values with leading dimension ld; a vector of rows at a time through all L columns.
+template <int L>
+void make_z_of(const SmallCholesky& c, const double* __restrict w, std::int64_t rows, double* __restrict z,
+               std::int64_t ld) {
+  auto piece = [&]<class V>(V, std::int64_t i) {
+    V x[L];
+#pragma GCC unroll 3
+    for (int j = 0; j < L; ++j) {
+      x[j] = lanes::load_as<V>(w + j * rows + i);
+#pragma GCC unroll 3
+      for (int k = 0; k < j; ++k) x[j] -= x[k] * c.l[j][k];
+      x[j] *= c.inverse[j];
+      lanes::store(z + j * ld + i, x[j]);
     }
-  }
+  };
+  std::int64_t i = 0;
+  for (; i + lanes::kNative <= rows; i += lanes::kNative) piece(lanes::Native{}, i);
+  for (; i < rows; ++i) piece(0.0, i);
+}
+void make_z(const SmallCholesky& c, const double* w, int rows, double* z, std::int64_t ld) {
+  static_assert(kLargestLandmark == 3);
+  return c.n == 3   ? make_z_of<3>(c, w, rows, z, ld)
+         : c.n == 2 ? make_z_of<2>(c, w, rows, z, ld)
+                    : make_z_of<1>(c, w, rows, z, ld);
 }
 
 template <int N>
-struct VectorOf;  // one by one: GCC 12 drops a vector_size that depends on a template parameter
+struct VectorOf;
 template <>
 struct VectorOf<1> {
   using type = double;
 };
 template <>
 struct VectorOf<2> {
-  using type = double __attribute__((vector_size(16)));
+  using type = lanes::V2;
 };
 template <>
 struct VectorOf<4> {
-  using type = double __attribute__((vector_size(32)));
+  using type = lanes::V4;
 };
 template <>
 struct VectorOf<8> {
-  using type = double __attribute__((vector_size(64)));
+  using type = lanes::V8;
 };
 template <int N>
 using VecN = typename VectorOf<N>::type;
-static_assert(sizeof(VecN<8>) == 64 && sizeof(VecN<4>) == 32 && sizeof(VecN<2>) == 16);
 
 // Column of S minus L columns of Z times factors, N rows at once.
 template <int N, int L>
 inline void subtract_rows(double* __restrict s, const VecN<N> (&z)[L], const double (&f)[L]) {
-  VecN<N> x;
-  std::memcpy(&x, s, sizeof x);
+  auto x = lanes::load_as<VecN<N>>(s);
   for (int k = 0; k < L; ++k) x -= z[k] * f[k];
-  std::memcpy(s, &x, sizeof x);
+  lanes::store(s, x);
 }
 
 // S_ij -= Z_i Z_jᵀ; D × D blocks, L columns. Rows in pieces of whole vectors: 9 = 8 + 1, 6 = 4 + 2, 3 = 2 + 1.
@@ -110,8 +122,8 @@ void subtract_block(const double* __restrict zi, const double* __restrict zj, st
   VecN<kHead> head[L];
   VecN<kTail> tail[L];
   for (int k = 0; k < L; ++k) {
-    std::memcpy(&head[k], zi + k * ld, sizeof head[k]);
-    std::memcpy(&tail[k], zi + k * ld + kHead, sizeof tail[k]);
+    head[k] = lanes::load_as<VecN<kHead>>(zi + k * ld);
+    tail[k] = lanes::load_as<VecN<kTail>>(zi + k * ld + kHead);
   }
 #pragma GCC unroll 9
   for (int c = 0; c < D; ++c) {
@@ -275,9 +287,8 @@ void LandmarkSchur::reduce_panel(const LinearStructure& structure, const LinearS
     for (int k = 0; k < l.dim; ++k) y[k] = -system.gradient[l.offset + k];
     c.forward(y);
     double* zl = z + columns * ld;
-    const VecN<8> zero = {};
     for (int k = 0; k < l.dim; ++k)  // rows below the last are read by whole vectors
-      for (std::int64_t i = dense::round_down_8(rows); i < ld; i += 8) std::memcpy(zl + k * ld + i, &zero, sizeof zero);
+      for (std::int64_t i = dense::round_down_8(rows); i < ld; i += 8) lanes::store(zl + k * ld + i, lanes::V8(0.0));
     make_z(c, data + l.w(), panel_rows, zl, ld);
     for (int k = 0; k < l.dim; ++k) zl[k * ld + panel_rows] = y[k];
     columns += l.dim;

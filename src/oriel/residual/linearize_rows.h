@@ -52,11 +52,16 @@ void gather_doubles(const void* const* rows, Pack* to) {
   Pack::NativeMask base;
   std::memcpy(&base, rows, sizeof(base));
   for (int i = 0; i < N; ++i)
-    to[i] = Pack(
-        __builtin_ia32_gatherdiv8df(Pack::Native{}, reinterpret_cast<void*>(i * 8L), base, static_cast<char>(-1), 1));
+    to[i].v[0] =
+        __builtin_ia32_gatherdiv8df(Pack::Native{}, reinterpret_cast<void*>(i * 8L), base, static_cast<char>(-1), 1);
 #else
+  // Put together in registers: lanes that are stored one by one cannot be forwarded to a load of the whole.
+  const auto part = [rows]<int... L>(int first, int i, std::integer_sequence<int, L...>) {
+    return Pack::Native{static_cast<const double*>(rows[first + L])[i]...};
+  };
   for (int i = 0; i < N; ++i)
-    for (int l = 0; l < kGroup; ++l) to[i].v[l] = static_cast<const double*>(rows[l])[i];
+    to[i] = Pack::each<Pack>(
+        [&](int p) { return part(p * Pack::kNative, i, std::make_integer_sequence<int, Pack::kNative>{}); });
 #endif
 }
 // T<double> behind eight pointers → T<Pack>, whose members all are packs and stand in the same order.
@@ -149,13 +154,6 @@ Pack::Mask finite_mask(const Mat<Pack, R, C>& m) {
   return finite_mask((sum[0] + sum[1]) + (sum[2] + sum[3]));
 }
 
-// Bits of a mask, lane by lane.
-inline unsigned bits(Pack::Mask m) {
-  unsigned b = 0;
-  for (int l = 0; l < kGroup; ++l) b |= (m.v[l] != 0 ? 1u : 0u) << l;
-  return b;
-}
-
 template <class R, class Noise>
 struct PackedRows {
   using T = ResidualTraits<R>;
@@ -191,8 +189,8 @@ struct PackedRows {
     gather_doubles<sizeof(R) / sizeof(double)>(rows.measurement + g, to);
     gather_doubles<sizeof(Noise) / sizeof(double)>(rows.noise + g, to + sizeof(R) / sizeof(double));
     for (int l = 0; rows.robust && l < kGroup; ++l) {
-      numbers_.loss_scale.v[l] = rows.loss[g + l]->scale;
-      numbers_.loss_kind.v[l] = static_cast<double>(rows.loss[g + l]->kind);
+      numbers_.loss_scale.set(l, rows.loss[g + l]->scale);
+      numbers_.loss_kind.set(l, static_cast<double>(rows.loss[g + l]->kind));
       numbers_.loss[l] = rows.loss[g + l];
     }
     return numbers_;
@@ -275,17 +273,8 @@ struct PackedRows {
     row.weight = before.weight != nullptr ? load(before.weight + g) : Pack(1.0);
     for (int i = 0; i < D; ++i) r[i] = load(before.r + i * Batch::kRows + g);
   }
-  static Pack::Mask mask_of(unsigned bits) {
-    Pack::Mask m;
-    for (int l = 0; l < kGroup; ++l) m.v[l] = -static_cast<long long>(bits >> l & 1u);
-    return m;
-  }
-  static Pack load(const double* from) {
-    Pack p;
-    std::memcpy(&p.v, from, sizeof(p.v));
-    return p;
-  }
-  static void store(double* to, const Pack& p) { std::memcpy(to, &p.v, sizeof(p.v)); }
+  static Pack load(const double* from) { return Pack::load(from); }
+  static void store(double* to, const Pack& p) { p.store(to); }
 };
 
 inline void clear(int l, Batch& out) {

@@ -123,14 +123,13 @@ inline LossValue<double> evaluate_loss(const Loss& loss, double s) {
 inline LossValue<Pack> evaluate_losses(const Loss* const* loss, Pack kind, Pack scale, Pack s, Pack::Mask good) {
   LossValue<Pack> value = {s, Pack(1.0)};
   const auto is_huber = (kind >= Pack(1.0)) & (kind <= Pack(1.0)), is_other = kind > Pack(1.0);
-  bool huber = false, other = false;
-  for (int l = 0; l < Pack::kLanes; ++l) huber |= is_huber.v[l] != 0, other |= is_other.v[l] != 0;
-  if (huber) {
+  if (bits(is_huber) != 0) {
     const auto v = evaluate_loss(LossKind::huber, scale, s);
     value = {select(is_huber, v.rho, value.rho), select(is_huber, v.weight, value.weight)};
   }
-  for (int l = 0; other && l < Pack::kLanes; ++l) {
-    if (is_other.v[l] == 0 || good.v[l] == 0) continue;
+  const unsigned other = bits(is_other & good);
+  for (int l = 0; other != 0 && l < Pack::kLanes; ++l) {
+    if ((other >> l & 1) == 0) continue;
     const auto v = evaluate_loss(*loss[l], s[l]);
     value.rho.set(l, v.rho);
     value.weight.set(l, v.weight);

@@ -3,25 +3,17 @@
 #include <algorithm>
 #include <cfloat>
 #include <cmath>
-#include <cstring>
 
-#include "oriel/base/pack.h"
 #include "oriel/linear/dense_kernels.h"
 #include "oriel/linear/dot.h"
+#include "oriel/linear/lanes.h"
 
 namespace oriel {
 namespace {
 
-constexpr int kLanes = Pack::kLanes, kStride = Batch::kRows;
+using lanes::kLanes, lanes::kStride, lanes::load, lanes::store, lanes::V8;
 constexpr int kLargestLandmark = 3;
-using V8 = Pack::Native;
 
-V8 load(const double* p) {
-  V8 v;
-  std::memcpy(&v, p, sizeof(v));
-  return v;
-}
-void store(double* p, V8 v) { std::memcpy(p, &v, sizeof(v)); }
 // Lower Cholesky factor of a landmark's block; a pivot that is rounding error gets a zero row and column.
 struct SmallCholesky {
   double l[kLargestLandmark][kLargestLandmark] = {}, inverse[kLargestLandmark] = {};
@@ -128,7 +120,7 @@ void InformationSum::add_landmarks(const AbsorbedBatch& b, int begin, int end) {
       column[l - g] = v.chunk_column, slot[l - g] = v.chunk_slot;
     }
     auto product = [&](const double* x, const double* y) {
-      V8 s{};
+      V8 s(0.0);
       for (int r = 0; r < batch.dim; ++r) s += load(x + r * kStride + g) * load(y + r * kStride + g);
       return s;
     };

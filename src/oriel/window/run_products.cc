@@ -3,44 +3,35 @@
 #include <algorithm>
 #include <cstring>
 
-#include "oriel/base/pack.h"
+#include "oriel/linear/lanes.h"
 
 namespace oriel {
 namespace {
 
-constexpr int kLanes = Pack::kLanes, kWidest = 6;
-using V8 = Pack::Native;
-
-V8 load(const double* p) {
-  V8 v;
-  std::memcpy(&v, p, sizeof(v));
-  return v;
-}
-double sum(V8 v) {
-  const V8 a = v + __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3);
-  const V8 b = a + __builtin_shufflevector(a, a, 2, 3, 0, 1, 6, 7, 4, 5);
-  return b[0] + b[1];
-}
+using lanes::kLanes, lanes::kNative, lanes::load_as, lanes::Native;
+constexpr int kWidest = 6;
 
 // out[n * kWidest + i] = column x + i times column y + n.
 template <int W, int Y>
 void products(const double* x, const double* y, int length, double* out) {
-  V8 s[Y][W] = {};
-  for (int g = 0; g < length; g += kLanes) {
-    V8 b[Y];
+  Native s[Y][W] = {};
+  for (int g = 0; g < length; g += kNative) {
+    Native b[Y];
 #pragma GCC unroll 2
-    for (int n = 0; n < Y; ++n) b[n] = load(y + n * length + g);
+    for (int n = 0; n < Y; ++n) b[n] = load_as<Native>(y + n * length + g);
 #pragma GCC unroll 6
     for (int i = 0; i < W; ++i) {
-      const V8 a = load(x + i * length + g);
+      const Native a = load_as<Native>(x + i * length + g);
 #pragma GCC unroll 2
       for (int n = 0; n < Y; ++n) s[n][i] += a * b[n];
     }
   }
 #pragma GCC unroll 2
-  for (int n = 0; n < Y; ++n)
-#pragma GCC unroll 6
-    for (int i = 0; i < W; ++i) out[n * kWidest + i] = sum(s[n][i]);
+  for (int n = 0; n < Y; ++n) {
+    alignas(64) double sums[8];
+    lanes::store_sums<W>(s[n], sums);
+    std::copy_n(sums, W, out + n * kWidest);
+  }
 }
 using Products = void (*)(const double*, const double*, int, double*);
 constexpr Products kProducts[2][kWidest] = {
