@@ -41,6 +41,11 @@ set(CMAKE_CXX_VISIBILITY_PRESET hidden)
 set(CMAKE_VISIBILITY_INLINES_HIDDEN ON)
 set(CMAKE_POSITION_INDEPENDENT_CODE ON)
 
+# GCC tuned for Zen copies structs of 32-byte vectors in pieces of 16 bytes, which no load of the whole can be forwarded
+# from. Where there is AVX-512 this is the default.
+include(CheckCXXCompilerFlag)
+check_cxx_compiler_flag("-mmove-max=256 -mstore-max=256" oriel_has_move_max)
+
 # Flags are put on each target as PRIVATE options: nothing of this, above all no -march, reaches whoever links oriel.
 function(oriel_flags target)
   # -fno-math-errno lets sqrt be one instruction and changes no result; -ffast-math would, so it is not here.
@@ -56,6 +61,9 @@ function(oriel_flags target)
   endif()
   if(NOT ORIEL_ARCH STREQUAL "baseline")
     target_compile_options(${target} PRIVATE -march=${ORIEL_ARCH})
+    if(oriel_has_move_max)
+      target_compile_options(${target} PRIVATE -mmove-max=256 -mstore-max=256)
+    endif()
   endif()
   if(ORIEL_WERROR)
     target_compile_options(${target} PRIVATE -Werror)

@@ -12,6 +12,7 @@
 
 #include "graph/random_graph.h"
 #include "oriel/graph/fingerprint.h"
+#include "oriel/residual/pose_graph.h"
 #include "run/worker_of.h"
 
 namespace oriel {
@@ -227,6 +228,59 @@ TEST(SolveBeside, BeginsFromWhatAnEngineOfItsOwnersFoundBeforeAndMeanwhile) {
       }
       EXPECT_GT(moved, 5);
     }
+}
+
+// R6: the elimination order of a large graph is state. A job that took the whole graph because its worker had fallen
+// behind begins again, where that dies, with the order that it had.
+TEST(SolveBeside, BeginsAgainWithTheOrderThatTheJobHad) {
+  constexpr int kPoses = 20'100;  // FactorOptions::least_followed and some
+  Zygote zygote = Zygote::start({&SolveBeside::kTask}).value();
+  std::vector<std::uint64_t> calm;
+  for (const ExecutorKind kind : {ExecutorKind::in_place, ExecutorKind::process}) {
+    Graph graph;
+    graph.bound_log({.per_live = 0.0, .least = 4});  // whoever follows falls behind by what is set below
+    std::mt19937 random(5);
+    std::normal_distribution<double> noise(0.0, 0.05);
+    std::vector<VariableId<Pose2d>> poses;
+    const auto pose_at = [&](int i) {
+      return Pose2d{}.plus({{noise(random), 1.0 * i + noise(random), noise(random)}});
+    };
+    const auto grow = [&](int count) {
+      GraphEdit edit = graph.edit();
+      const auto join = [&](std::size_t a, std::size_t b) {
+        const Pose2d measured = Pose2d{}.plus({{noise(random), static_cast<double>(b - a), noise(random)}});
+        edit.add(PoseGraphEdge2d{measured}, Sigma(0.1), poses[a], poses[b]);
+      };
+      for (int k = 0; k < count; ++k) {
+        poses.push_back(edit.add(pose_at(static_cast<int>(poses.size()))));
+        const std::size_t i = poses.size() - 1;
+        if (i == 0) edit.fix(poses[0]);
+        if (i > 0) join(i - 1, i);
+        if (i > kPoses) edit.set(poses[i - kPoses], pose_at(static_cast<int>(i) - kPoses));
+        if (i > 200 && i % 7 == 0) join(i - 1 - random() % 150, i);
+      }
+      return graph.apply(edit).ok();
+    };
+    ExecutorOptions options;
+    options.zygote = &zygote;
+    auto beside = std::move(SolveBeside::start(graph, kind, options).value());
+    SolveOptions once;
+    once.max_iterations = 1;
+    for (int round = 0; round < 3; ++round) {
+      ASSERT_TRUE(grow(round == 0 ? kPoses : 40));
+      ASSERT_EQ(beside.submit(once).status, JobStatus::accepted);
+      if (const pid_t pid = worker_of(zygote); pid > 0 && round > 0) ::kill(pid, SIGKILL);
+      const JobReport done = beside.write_back();
+      ASSERT_EQ(done.status, JobStatus::done) << done;
+      EXPECT_GT(beside.outcome().accepted, 0);
+      if (kind == ExecutorKind::in_place) {
+        calm.push_back(value_fingerprint(graph));
+        continue;
+      }
+      EXPECT_EQ(value_fingerprint(graph), calm[static_cast<std::size_t>(round)]) << round;
+      EXPECT_EQ(done.restarted, round > 0);
+    }
+  }
 }
 
 // Draws a point to x = 3, and once takes its time for it.

@@ -35,14 +35,15 @@ void sum_columns(const double* a, const Column* b, int dim, int count) {
   Native s[N][DA] = {};
   for (int g = 0; g < count; g += kNative)
     for (int r = 0; r < dim; ++r) {
-      Native x[DA];
-#pragma GCC unroll 9
-      for (int i = 0; i < DA; ++i) x[i] = load_as<Native>(a + (i * dim + r) * kStride + g);
+      Native y[N];
 #pragma GCC unroll 4
-      for (int c = 0; c < N; ++c) {
-        const Native y = load_as<Native>(b[c].from + r * kStride + g);
+      for (int c = 0; c < N; ++c) y[c] = load_as<Native>(b[c].from + r * kStride + g), lanes::keep(y[c]);
 #pragma GCC unroll 9
-        for (int i = 0; i < DA; ++i) s[c][i] += x[i] * y;
+      for (int i = 0; i < DA; ++i) {
+        Native x = load_as<Native>(a + (i * dim + r) * kStride + g);
+        lanes::keep(x);
+#pragma GCC unroll 4
+        for (int c = 0; c < N; ++c) s[c][i] += x * y[c];
       }
     }
 #pragma GCC unroll 4

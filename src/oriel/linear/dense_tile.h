@@ -3,6 +3,8 @@
 #pragma once
 #include <cstdint>
 
+#include "oriel/linear/lanes.h"
+
 namespace oriel::dense {
 namespace {
 
@@ -27,16 +29,6 @@ inline double sum(Vec v) {
   return s;
 }
 
-// GCC folds a load into each multiply-add that takes its value: 3 × 4 loads of A a step instead of 3, more than two a
-// cycle. What went through here stays in its register.
-[[gnu::always_inline]] inline void keep(Vec& v) {
-#if defined(__x86_64__)
-  asm("" : "+v"(v));
-#else
-  (void)v;
-#endif
-}
-
 // acc[v][w] += Σ_l a(rows of vector v, l)·b(w, l), l < k.
 template <int V, int W>
 [[gnu::always_inline]] inline void accumulate(Vec (&acc)[V][W], const double* a, std::int64_t lda, const double* b,
@@ -44,7 +36,7 @@ template <int V, int W>
   for (int l = 0; l < k; ++l, a += lda, b += ldb) {
     Vec rows[V];
 #pragma GCC unroll 8
-    for (int v = 0; v < V; ++v) rows[v] = load(a + v * kLanes), keep(rows[v]);
+    for (int v = 0; v < V; ++v) rows[v] = load(a + v * kLanes), lanes::keep(rows[v]);
 #pragma GCC unroll 8
     for (int w = 0; w < W; ++w) {
       const Vec column = b[w] - Vec{};

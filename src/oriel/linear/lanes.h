@@ -45,6 +45,17 @@ inline void store(double* p, const V& v) {
     std::memcpy(p, &v, sizeof(v));
 }
 
+// GCC folds a load into each multiply-add that takes its value, which then loads it as often, and two loads a cycle are
+// all there are. What went through here is in its register.
+template <class V>
+[[gnu::always_inline]] inline void keep(V& v) {
+#if defined(__x86_64__)
+  asm("" : "+v"(v));
+#else
+  (void)v;
+#endif
+}
+
 // Rows to columns of a square tile, in rounds of exchanges.
 template <class V>
 inline void turn(V (&x)[8]) {
