@@ -42,9 +42,17 @@ set(CMAKE_VISIBILITY_INLINES_HIDDEN ON)
 set(CMAKE_POSITION_INDEPENDENT_CODE ON)
 
 # GCC tuned for Zen copies structs of 32-byte vectors in pieces of 16 bytes, which no load of the whole can be forwarded
-# from. Where there is AVX-512 this is the default.
-include(CheckCXXCompilerFlag)
-check_cxx_compiler_flag("-mmove-max=256 -mstore-max=256" oriel_has_move_max)
+# from. Vectors of AVX-512 are larger, and what GCC does there is not known to be wrong.
+if(NOT ORIEL_ARCH STREQUAL "baseline")
+  include(CheckCXXSourceCompiles)
+  set(CMAKE_REQUIRED_FLAGS "-march=${ORIEL_ARCH} -mmove-max=256 -mstore-max=256")
+  check_cxx_source_compiles("
+    #if !defined(__AVX__) || defined(__AVX512F__)
+    #error
+    #endif
+    int main() {}" oriel_avx_without_512)
+  unset(CMAKE_REQUIRED_FLAGS)
+endif()
 
 # Flags are put on each target as PRIVATE options: nothing of this, above all no -march, reaches whoever links oriel.
 function(oriel_flags target)
@@ -61,7 +69,7 @@ function(oriel_flags target)
   endif()
   if(NOT ORIEL_ARCH STREQUAL "baseline")
     target_compile_options(${target} PRIVATE -march=${ORIEL_ARCH})
-    if(oriel_has_move_max)
+    if(oriel_avx_without_512)
       target_compile_options(${target} PRIVATE -mmove-max=256 -mstore-max=256)
     endif()
   endif()

@@ -26,7 +26,7 @@ void expect_sums() {
   Native x[D];
   double expected[D] = {};
   for (int k = 0; k < D; ++k)
-    for (int l = 0; l < kNative; ++l) x[k][l] = 1 << (k + l), expected[k] += 1 << (k + l);
+    for (int l = 0; l < kNative; ++l) x[k][l] = 1 << (2 * k + l), expected[k] += 1 << (2 * k + l);
   alignas(64) double sums[16];
   store_sums<D>(x, sums);
   double to[D + 1];
@@ -40,8 +40,10 @@ TEST(Lanes, SumEachVectorAndAddAsManyAsAreWanted) {
   expect_sums<1>();
   expect_sums<2>();
   expect_sums<3>();
+  expect_sums<4>();
   expect_sums<6>();
   expect_sums<7>();
+  expect_sums<8>();
   expect_sums<9>();
 }
 

@@ -230,6 +230,45 @@ TEST(SolveBeside, BeginsFromWhatAnEngineOfItsOwnersFoundBeforeAndMeanwhile) {
     }
 }
 
+// The same, seen from what is sent: edits alone, whose numbers go on, but where something else was adopted.
+TEST(SolveBeside, SendsTheWholeGraphWhereAnotherEngineAdoptedAndEditsElsewhere) {
+  testing_graph::RandomGraph origin(22, true);
+  run_detail::SolveOwner owner(origin.graph, RandomTypes::types(), true);
+  run_detail::SolveContext worker(RandomTypes::types());
+  NativeEngine engine(origin.graph);
+  SolveOptions once;
+  once.max_iterations = 1;
+  enum class Others { none, before, meanwhile };
+  int adopted = 0, adopted_by_others = 0;
+  std::uint64_t expected = 1;
+  for (int round = 0; round < 60; ++round) {
+    const Others others = round % 7 == 3 ? Others::before : round % 7 == 6 ? Others::meanwhile : Others::none;
+    ASSERT_TRUE(origin.step(6));
+    const std::uint64_t known = origin.graph.adoptions();
+    if (others == Others::before) {
+      EXPECT_FALSE(engine.solve({}).failed());
+    }
+    if (origin.graph.adoptions() != known) expected = 1, ++adopted_by_others;
+    const SolveInput& input = owner.collect(once);
+    EXPECT_EQ(input.sequence, expected) << round;
+    owner.submitted();
+    const auto output = worker.solve(input);
+    ASSERT_TRUE(output.ok()) << output.error().text();
+    const std::uint64_t sent = origin.graph.adoptions();
+    if (others == Others::meanwhile) {
+      EXPECT_FALSE(engine.solve({}).failed());
+    }
+    const bool moved = origin.graph.adoptions() != sent;
+    adopted_by_others += moved;
+    owner.write(*output);
+    ASSERT_TRUE(owner.written().ok());
+    adopted += owner.outcome().accepted > 0;
+    expected = moved ? 1 : expected + 1;
+  }
+  EXPECT_GT(adopted, 20);
+  EXPECT_GT(adopted_by_others, 5);
+}
+
 // R6: the elimination order of a large graph is state. A job that took the whole graph because its worker had fallen
 // behind begins again, where that dies, with the order that it had.
 TEST(SolveBeside, BeginsAgainWithTheOrderThatTheJobHad) {

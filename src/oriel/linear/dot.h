@@ -3,6 +3,7 @@
 #include "oriel/base/pack.h"
 
 namespace oriel {
+inline namespace ORIEL_PACK_ABI {
 
 inline double dot(const double* a, const double* b, int n) {
   Pack s(0.0);
@@ -14,4 +15,5 @@ inline double dot(const double* a, const double* b, int n) {
   return sum;
 }
 
+}  // namespace ORIEL_PACK_ABI
 }  // namespace oriel

@@ -9,6 +9,7 @@
 #include "oriel/residual/batch.h"
 
 namespace oriel::lanes {
+inline namespace ORIEL_PACK_ABI {
 
 inline constexpr int kLanes = Pack::kLanes, kParts = Pack::kParts, kNative = Pack::kNative;
 inline constexpr int kStride = Batch::kRows;
@@ -155,4 +156,5 @@ inline void add(double* to, const double* from) {
   if constexpr (D % 2 == 1) to[D - 1] += from[D - 1];
 }
 
+}  // namespace ORIEL_PACK_ABI
 }  // namespace oriel::lanes
