@@ -154,8 +154,8 @@ inline Pack lane_by_lane(Pack a, F f) {
 }
 }  // namespace pack_detail
 
-inline Pack sqrt(
-    Pack a) {  // the builtins: <immintrin.h> would take longer to compile than most that includes this file
+// The builtins themselves: <immintrin.h> would take longer to compile than most that includes this file.
+inline Pack sqrt(Pack a) {
 #if defined(__AVX512F__) && !defined(__clang__)
   a.v[0] = __builtin_ia32_sqrtpd512_mask(a.v[0], Pack::Native{}, static_cast<char>(-1), 4);
   return a;
